@@ -10,10 +10,10 @@ moduli (a third of mu / 2 in c01). A random state has one to three compatible po
 1.2 of its amplitude.
 
 Built devices differ from the design: cords are shifted by up to 0.3 mm, gauge factors are 5 % off,
-and signals have noise. The pre-stretch differs, or, for bonded cords, up to half of the slope below
-zero strain is missing. Each device is trained on its own readings of its training states. Its RMSE
-on random and on held-out states is compared with the predicted band, on at least as many frames as
-the band is based on.
+and signals have noise. Held cords are 0.7 mm too long or too short (standard deviation); of bonded
+cords up to half of the slope below zero strain is missing. Each device is trained on its own
+readings of its training states. Its RMSE on random and on held-out states is compared with the
+predicted band, on at least as many frames as the band is based on.
 
 `inside` are random states within the designed amplitudes, `beyond` the others. `in band` are the
 shares of devices whose error is within the band: on held-out states, and on random states inside.
@@ -114,7 +114,8 @@ def measured(
         for record in layout.by_channel():
             cord = replace(record.built, path=record.stretch + rng.uniform(-0.3, 0.3, 3))
             if cord.prestretch is not None:
-                cord = replace(cord, prestretch=max(cord.prestretch + normal(0, 0.01), 0.0))
+                loose = cord.length / (1 + cord.prestretch) + normal(0, 0.7)
+                cord = replace(cord, prestretch=max(cord.length / loose - 1, 0.0))
             moved = cord.path + locator.displacement(locator.find(cord.path), u[1:])
             below = 1.0 if cord.prestretch is not None else 1 - rng.triangular(0.0, 0.25, 0.5)
             read_as = reading.scale_gauge_factor(1 + normal(0, 0.05), below)

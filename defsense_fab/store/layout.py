@@ -179,19 +179,38 @@ class LimitsRecord:
 
 
 @dataclass(frozen=True)
+class ErrorRange:
+    """RMSE of built devices on unseen states.
+
+    Attributes:
+        median: Median, mm.
+        low: Lower limit of the range of 90 % of the devices, mm.
+        high: Upper limit of this range, mm.
+    """
+
+    median: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
 class BandRecord:
     """The errors of built devices on unseen states, with the tolerances they were drawn with.
 
-    `optimization/studies/tolerance_monte_carlo.py` describes the tolerances.
+    `optimization/studies/tolerance_monte_carlo.py` describes the tolerances,
+    `sensing/memory_residual.py` the memory of the cords.
 
     Attributes:
-        median: Median RMSE, mm.
+        median: Median RMSE by noise and tolerances alone, mm.
         low: Lower limit of the range of 90 % of the devices, mm.
         high: Upper limit of this range, mm.
+        trained: RMSE expected after training, with the memory of the cords.
+        families: The same for each kind of memory.
+        affine: The same with the paper's affine decoder, which has no memory.
         offset: Largest distance of a cord from its groove's axis, mm.
         gauge: Relative standard deviation of the cords' gauge factors.
         amplitude: Relative standard deviation of the poses' amplitudes.
-        prestretch: Standard deviation of a held cord's pre-stretch, a strain.
+        ends: Standard deviation of a held cord's loose length between its ends, mm.
         compression: Largest share of its slope that a response may lack below zero strain.
         frames: Number of frames of the test.
     """
@@ -199,12 +218,32 @@ class BandRecord:
     median: float
     low: float
     high: float
+    trained: ErrorRange
+    families: Mapping[str, ErrorRange]
+    affine: ErrorRange
     offset: float
     gauge: float
     amplitude: float
-    prestretch: float
+    ends: float
     compression: float
     frames: int
+
+    def describe_trained(self) -> str:
+        """Return the expected error as a sentence without its period."""
+        t = self.trained
+        return (
+            f"{t.median:.2f} mm expected after training ({t.low:.2f} to {t.high:.2f} in 90 of 100"
+            f" devices); {self.median:.2f} mm of it from noise and tolerances"
+        )
+
+    def compare_measured(self, measured: float) -> str:
+        """Return how a measured error (mm) compares with the expected one, as a sentence."""
+        t = self.trained
+        position = "inside" if t.low <= measured <= t.high else "outside"
+        return (
+            f"By the design, {self.describe_trained()}. Measured: {measured:.2f} mm, {position}"
+            f" this range; expected / measured {t.median / measured:.2f}."
+        )
 
 
 @dataclass(frozen=True)
@@ -262,7 +301,7 @@ class LayoutRecord:
         warned_cords: Name of the cord that a warning is about, by the warning.
     """
 
-    SCHEMA: ClassVar[int] = 5
+    SCHEMA: ClassVar[int] = 6
 
     device: str
     mesh: str

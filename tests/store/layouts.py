@@ -8,9 +8,25 @@ from defsense_fab.store.layout import (
     BandRecord,
     CordPath,
     CordRecord,
+    ErrorRange,
     LayoutRecord,
     LimitsRecord,
     Prediction,
+)
+
+BAND = BandRecord(
+    median=1.0,
+    low=0.9,
+    high=1.1,
+    trained=ErrorRange(1.5, 1.0, 2.0),
+    families={"viscoelastic": ErrorRange(1.5, 1.0, 2.0)},
+    affine=ErrorRange(3.0, 2.0, 4.0),
+    offset=0.3,
+    gauge=0.05,
+    amplitude=0.05,
+    ends=0.7,
+    compression=0.5,
+    frames=600,
 )
 
 
@@ -65,7 +81,7 @@ def layout(*sensors):
         prediction=prediction,
         unseen={},
         cross_validated={},
-        band=BandRecord(1.0, 0.9, 1.1, 0.3, 0.05, 0.05, 0.01, 0.5, 600),
+        band=BAND,
         initial=prediction,
         drawn=(),
         proposed=False,

@@ -11,7 +11,6 @@ from defsense_fab.geometry.bodies.meshing.region_conforming import conform_to_re
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.store.body import BodyRecord, save_body
 from defsense_fab.store.layout import (
-    BandRecord,
     CordRecord,
     LayoutRecord,
     LimitsRecord,
@@ -22,6 +21,7 @@ from defsense_fab.store.layout import (
 )
 from defsense_fab.store.mesh import MeshRecord, save_mesh
 from tests.conftest import box_surface
+from tests.store.layouts import BAND
 from tests.support.places import BAR
 
 EDGE = 20.0
@@ -55,7 +55,7 @@ def write_build(folder, device):
     layout = LayoutRecord(
         device.name, "hand", LimitsRecord(2.0, 5.0, 5.0), None, cords, None, (), (), prediction,
         {"affine": 1.0}, {"affine": 1.0},
-        BandRecord(1.0, 0.5, 1.5, 0.3, 0.05, 0.05, 0.01, 0.5, 600), prediction, (), False, (), 1,
+        BAND, prediction, (), False, (), 1,
     )  # fmt: skip
     markers = surface.scatter(8, np.random.default_rng(0))
     save_layout(

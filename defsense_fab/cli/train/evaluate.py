@@ -124,4 +124,6 @@ def _describe_first(evaluation: WrittenEvaluation) -> list[str]:
             f"predicted {p.predicted:.2f} mm, measured {p.measured:.2f} mm: ratio {p.ratio:.2f}"
             f"{design_error}"
         )
+    if evaluation.expected:
+        lines.append(evaluation.expected)
     return [*lines, evaluation.verdict] if evaluation.verdict else lines

@@ -11,6 +11,7 @@ from ...core.arrays import Float
 from ...decoding.decoders import AnyDecoder, fit_decoder
 from ...decoding.expected_errors import UnseenStates, choose_unseen_states, measure_errors
 from ...sensing.built_cord import BuiltCord
+from ...sensing.memory_residual import MemoryResidual
 from ...store.layout import Prediction
 from ..problem.problem import Problem
 from .design_task import DesignTask
@@ -43,6 +44,28 @@ def read_cords(task: DesignTask, cords: Sequence[BuiltCord]) -> tuple[Float, Flo
         np.append(0.0, task.reading.signals(c, task.everything.deform(c.path))) for c in cords
     ]
     return np.stack(columns, axis=1), np.array([task.reading.noise(c) for c in cords])
+
+
+def trained_error(
+    task: DesignTask, cords: Sequence[BuiltCord], residuals: Sequence[MemoryResidual]
+) -> float:
+    """Return the RMSE (mm) on unseen states that is expected after training, as designed.
+
+    It is the geometric mean over what may be left of the cords' memory, each with its median.
+
+    Args:
+        task: The design task.
+        cords: The cords as built in.
+        residuals: What may be left of the memory.
+    """
+    signals, noise = read_cords(task, cords)
+    problem, largest = task.everything, np.abs(signals).max(axis=0)
+    flat = problem.markers.reshape(len(problem.markers), -1)
+    errors = [
+        _unseen_errors(problem, task.unseen, signals, np.hypot(noise, r.median * largest), flat)[0]
+        for r in residuals
+    ]
+    return float(np.exp(np.mean(np.log(errors))))
 
 
 @dataclass(frozen=True)

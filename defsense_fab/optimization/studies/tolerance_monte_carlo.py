@@ -1,9 +1,13 @@
 """Predict how the errors of built devices scatter, by Monte Carlo over manufacturing tolerances.
 
 Each draw is one device. Its cords lie off the axes of their grooves, differ in their response and
-are stretched more or less during assembly, and its poses do not reach the full amplitude. Its
-decoder is the best for its signals and their noise, which long training converges to, and is tested
-on a session of noisy frames of other states.
+are longer or shorter between their ends than designed, and its poses do not reach the full
+amplitude. Its decoder is the best for its signals and their noise, which long training converges
+to, and is tested on a session of noisy frames of other states.
+
+The error after training also contains the memory of the cords: the same devices are tested with
+signals that are off by what a trained decoder leaves of it (`sensing/memory_residual.py`), with
+decoders that are fitted to signals of that precision.
 """
 
 from __future__ import annotations
@@ -13,14 +17,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.arrays import Float
+from ...core.arrays import Float, Int
 from ...decoding.decoders import AnyDecoder, fit_decoder
 from ...decoding.expected_errors import UnseenStates
-from ...sensing.built_cord import PRESTRETCH_SPREAD, BuiltCord, CordReading
+from ...sensing.built_cord import BuiltCord, CordReading
+from ...sensing.memory_residual import MemoryResidual
 from ..problem.problem import Problem, reduce_outputs
 
 _WANDER_KNOTS = 5  # points along a path between which a cord wanders in its groove
 _STRAIGHT_RTOL = 1e-6  # of its length, by which a straight path may leave its line
+_MEMORY_SEED = 54
+_MIN_LOOSE_LENGTH_MM = 1.0  # of a held cord between its ends
 
 
 @dataclass(frozen=True)
@@ -31,7 +38,8 @@ class Tolerances:
         offset: Largest distance of a cord from its groove's axis, in the plane and across it, mm.
         gauge: Relative standard deviation of the cords' gauge factors.
         amplitude: Relative standard deviation of the poses' amplitudes.
-        prestretch: Standard deviation of a held cord's pre-stretch, a strain.
+        ends: Standard deviation of a held cord's loose length between its ends, mm: where it is
+            crimped and where its ferrules are placed.
         compression: Largest share of its slope that a response may lack below zero strain.
         frames: Number of frames of the test.
     """
@@ -39,7 +47,7 @@ class Tolerances:
     offset: float = 0.3
     gauge: float = 0.05
     amplitude: float = 0.05
-    prestretch: float = PRESTRETCH_SPREAD
+    ends: float = 0.7  # assumed: 0.5 mm at each of two ends
     compression: float = 0.5
     frames: int = 600
 
@@ -58,8 +66,44 @@ class ToleranceBand:
     low: float
     high: float
 
+    @classmethod
+    def of(cls, errors: Float) -> ToleranceBand:
+        """Return the band of the errors (d,) mm of devices."""
+        low, median, high = np.quantile(errors, [0.05, 0.5, 0.95])
+        return cls(float(median), float(low), float(high))
 
-def tolerance_band(
+
+@dataclass(frozen=True)
+class SampledDevice:
+    """One built device, and a test session whose frames show the tested states at random.
+
+    Attributes:
+        signals: Signals (n, c) in all states.
+        outputs: Outputs (n, o) in all states, mm.
+        noise: Standard deviations of the signals (c,) that decoders are fitted for.
+        states: State of each frame (f,), by index.
+        readings: Signals (f, c) that are read in the frames.
+    """
+
+    signals: Float
+    outputs: Float
+    noise: Float
+    states: Int
+    readings: Float
+
+    def add_memory(self, shares: Float, rng: np.random.Generator) -> SampledDevice:
+        """Return the device with what is left of its cords' memory in the signals.
+
+        Args:
+            shares: Standard deviations of this error (c,), as shares of each cord's largest signal.
+            rng: Random generator.
+        """
+        error = shares * np.abs(self.signals).max(axis=0)
+        readings = self.readings + error * rng.normal(size=self.readings.shape)
+        return replace(self, noise=np.hypot(self.noise, error), readings=readings)
+
+
+def sample_errors(
     problem: Problem,
     cords: Sequence[BuiltCord],
     reading: CordReading,
@@ -67,8 +111,9 @@ def tolerance_band(
     unseen: UnseenStates,
     draws: int = 200,
     tolerances: Tolerances | None = None,
-) -> ToleranceBand:
-    """Predict the band of errors of built devices on unseen states.
+    memory: MemoryResidual | None = None,
+) -> Float:
+    """Draw built devices, and return the RMSE (draws,) mm of each on unseen states.
 
     Args:
         problem: The problem.
@@ -78,29 +123,30 @@ def tolerance_band(
         unseen: States to train and to test on.
         draws: Number of devices.
         tolerances: Tolerances; the usual ones by default.
+        memory: What is left of the cords' memory; nothing by default.
     """
     decoders: list[AnyDecoder] = []
     errors = []
+    # Memory has a generator of its own, so that the same devices are drawn with and without it.
+    memory_rng = np.random.default_rng(_MEMORY_SEED)
     for _ in range(draws):
-        used_tolerances = tolerances or Tolerances()
-        rmse, decoders = simulate_session(
-            problem, cords, reading, rng, used_tolerances, unseen, decoders
-        )
+        device = sample_device(problem, cords, reading, rng, tolerances or Tolerances(), unseen)
+        if memory is not None:
+            device = device.add_memory(memory.draw(len(cords), memory_rng), memory_rng)
+        rmse, decoders = _test_device(device, problem.decoder, unseen, decoders)
         errors.append(rmse)
-    low, median, high = np.quantile(errors, [0.05, 0.5, 0.95])
-    return ToleranceBand(float(median), float(low), float(high))
+    return np.array(errors)
 
 
-def simulate_session(
+def sample_device(
     problem: Problem,
     cords: Sequence[BuiltCord],
     reading: CordReading,
     rng: np.random.Generator,
     tolerances: Tolerances,
     unseen: UnseenStates,
-    like: Sequence[AnyDecoder] = (),
-) -> tuple[float, list[AnyDecoder]]:
-    """Simulate a test session of one device, whose frames show the tested states at random.
+) -> SampledDevice:
+    """Draw a built device and its test session.
 
     Args:
         problem: The problem.
@@ -109,10 +155,6 @@ def simulate_session(
         rng: Random generator.
         tolerances: Tolerances of the device.
         unseen: States to train and to test on.
-        like: Decoders of a similar device to start from, see `fit_decoder`.
-
-    Returns:
-        RMSE (mm) and the device's decoders, one for each fold.
     """
     mixing = _amplitude_mixing(unseen, len(problem.markers), rng, tolerances.amplitude)
     columns, sigma = [], []
@@ -121,20 +163,32 @@ def simulate_session(
         moved = cord.path + np.tensordot(mixing, problem.deform(cord.path) - cord.path, 1)
         columns.append(np.append(0.0, cord_reading.signals(cord, moved)))
         sigma.append(cord_reading.noise(cord))
-    S, noise = np.stack(columns, axis=1), np.array(sigma)
+    signals, noise = np.stack(columns, axis=1), np.array(sigma)
     rest = problem.markers[:1]
     scaled = np.concatenate([rest, rest + np.tensordot(mixing, problem.markers[1:] - rest, 1)])
-    O = reduce_outputs(scaled, problem.marker_weights)  # noqa: E741
+    outputs = reduce_outputs(scaled, problem.marker_weights)
     picks = np.sort(rng.integers(len(unseen.tested), size=tolerances.frames))
     states = unseen.tested[picks]
-    read = S[states] + noise * rng.normal(0, 1, (tolerances.frames, len(cords)))
+    readings = signals[states] + noise * rng.normal(0, 1, (tolerances.frames, len(cords)))
+    return SampledDevice(signals, outputs, noise, states, readings)
+
+
+def _test_device(
+    device: SampledDevice, kind: str, unseen: UnseenStates, like: Sequence[AnyDecoder]
+) -> tuple[float, list[AnyDecoder]]:
+    """Return the RMSE (mm) of a device, and its decoders, one for each fold.
+
+    Decoders of a similar device (`like`) are the start, see `fit_decoder`.
+    """
     square, decoders = 0.0, []
+    signals, outputs, states = device.signals, device.outputs, device.states
     for k, (train, test) in enumerate(unseen.folds):
         start = like[k] if like else None
-        decoders.append(fit_decoder(problem.decoder, S[train], O[train], noise, start))
+        decoders.append(fit_decoder(kind, signals[train], outputs[train], device.noise, start))
         in_fold = np.isin(states, test)
-        square += float(((decoders[-1](read[in_fold]) - O[states[in_fold]]) ** 2).sum())
-    return float(np.sqrt(square / tolerances.frames)), decoders
+        predicted = decoders[-1](device.readings[in_fold])
+        square += float(((predicted - outputs[states[in_fold]]) ** 2).sum())
+    return float(np.sqrt(square / len(states))), decoders
 
 
 def _amplitude_mixing(
@@ -181,11 +235,12 @@ def sample_built_cord(
     """
     path = _off_axis(cord.path, rng, tolerances.offset)
     factor = 1 + rng.normal(0, tolerances.gauge)
-    extra_prestretch = rng.normal(0, tolerances.prestretch)
+    extra_length = rng.normal(0, tolerances.ends)
     missing_slope = rng.uniform(0, tolerances.compression)
     if cord.prestretch is None:
         return replace(cord, path=path), reading.scale_gauge_factor(factor, 1 - missing_slope)
-    prestretch = max(cord.prestretch + extra_prestretch, 0.0)
+    loose = cord.length / (1 + cord.prestretch) + extra_length
+    prestretch = max(cord.length / max(loose, _MIN_LOOSE_LENGTH_MM) - 1, 0.0)
     return replace(cord, path=path, prestretch=prestretch), reading.scale_gauge_factor(factor)
 
 

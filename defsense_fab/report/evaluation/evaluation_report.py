@@ -49,12 +49,13 @@ _TARGET_CAPTIONS = {
 }
 
 
-def write_evaluation(folder: Path, result: SessionEvaluation) -> None:
+def write_evaluation(folder: Path, result: SessionEvaluation, expected: str = "") -> None:
     """Write all files of an evaluation, completely or not at all; an existing one is replaced.
 
     Args:
         folder: The folder to write.
         result: The evaluation.
+        expected: How the error compares with the one that the design expects, as a sentence.
 
     Raises:
         TrainingError: The folder holds something else than an evaluation.
@@ -68,7 +69,7 @@ def write_evaluation(folder: Path, result: SessionEvaluation) -> None:
         for name, text in csv_files(result).items():
             write_text(new / name, text)
         write_text(new / DATA, json.dumps(as_data(result), indent=1, allow_nan=False) + "\n")
-        write_page(new / PAGE, "evaluation", **_values(result, figures))
+        write_page(new / PAGE, "evaluation", **_values(result, figures), expected=expected)
 
 
 def check_folder(folder: Path) -> None:

@@ -56,10 +56,11 @@ def error_table(judged: JudgedLayout | None, before: JudgedLayout | None) -> str
         [escape_cell(pose), f"{mm:.2f}", "█" * max(round(_MAX_BLOCKS * mm / largest), 1)]
         for pose, mm in errors.items()
     ]
+    trained = "" if judged.trained is None else f". After training: {judged.trained:.2f} mm"
     return (
         f"### {judged.error:.2f} mm{change}\n"
-        f"Expected error in unseen states ({judged.decoder} decoder)\n\n"
-        + markdown_table(["Pose", "mm", ""], rows, "lrl")
+        f"Expected error in unseen states, without the cords' memory ({judged.decoder}"
+        f" decoder){trained}\n\n" + markdown_table(["Pose", "mm", ""], rows, "lrl")
     )
 
 

@@ -219,8 +219,9 @@ def comparison_table(layouts: Sequence[ComparedLayout]) -> str:
         count, planes = str(len(layout.sensors)), str(layout.planes)
         rows.append([name, _error_text(layout.error), band, parts, count, planes])
     note = (
-        "mm: error in unseen states. 90 %: range of 90 % of built devices. Bold: layout of the"
-        " build. ?: not computed; the error is that of the design."
+        "mm: error in unseen states. 90 %: range of 90 % of built devices by noise and tolerances,"
+        " without the cords' memory. Bold: layout of the build. ?: not computed; the error is that"
+        " of the design."
     )
     if not any(layout.is_studied for layout in layouts):
         note += " `defsense study` adds other numbers of cords."

@@ -28,7 +28,7 @@ class BuildingTraits:
     Attributes:
         offset: Largest distance of a cord from the axis of its groove, mm.
         gauge: Standard deviation of the gauge factors of pieces of cord, relative.
-        prestretch: Standard deviation of the error of the prestretch, strain.
+        ends: Standard deviation of the loose length of a held cord between its ends, mm.
         compression: Largest share that the response of bonded cords lacks when compressed.
     """
 
@@ -42,11 +42,11 @@ class BuildingTraits:
     gauge: float = assume(
         _DEFAULT.gauge, "spread", "1", "gauge factors of pieces, standard deviation", _SOURCE
     )
-    prestretch: float = assume(
-        _DEFAULT.prestretch,
+    ends: float = assume(
+        _DEFAULT.ends,
         "prestretch",
-        "strain",
-        "error of the prestretch of a cord, standard deviation",
+        "mm",
+        "error of the length of a held cord between its ends, standard deviation",
         _SOURCE,
     )
     compression: float = assume(
@@ -63,7 +63,7 @@ class BuildingTraits:
         return Tolerances(
             offset=self.offset,
             gauge=self.gauge,
-            prestretch=self.prestretch,
+            ends=self.ends,
             compression=self.compression,
         )
 

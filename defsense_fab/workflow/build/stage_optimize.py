@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +18,9 @@ from ...decoding.ridge import FEATURES
 from ...geometry.parts.records import PartSet
 from ...optimization.limits.verification import LayoutCheck, verify
 from ...optimization.prediction.as_built import assumed_cords, score_paths
+from ...optimization.prediction.built_devices import predict_built_devices
 from ...optimization.prediction.choose_layout import Trial, choose_layout
-from ...optimization.prediction.design_task import (
-    SEED,
-    DesignTask,
-    candidate_decoders,
-    device_tolerances,
-    load_task,
-)
+from ...optimization.prediction.design_task import DesignTask, candidate_decoders, load_task
 from ...optimization.prediction.predict import ScoredLayout, left_out_error, predict
 from ...optimization.refinement.refine import (
     OptimizedLayout,
@@ -35,12 +30,10 @@ from ...optimization.refinement.refine import (
 from ...optimization.search.plane_directions import face_directions
 from ...optimization.search.starting_layouts import FREE, Layout, LayoutSearch
 from ...optimization.studies.risks import check_cord_count, find_risks
-from ...optimization.studies.tolerance_monte_carlo import tolerance_band
 from ...sensing.built_cord import BuiltCord
 from ...sensing.response import mean_strain, segment_strain_range
 from ...store.build import Build
 from ...store.layout import (
-    BandRecord,
     CordPath,
     CordRecord,
     LayoutRecord,
@@ -180,7 +173,6 @@ def _layout_record(
     # What decoders that were not designed for would make of the chosen cords.
     decoded = {kind: task.with_decoder(kind) for kind in DECODERS}
     predicted = {kind: predict(t, final.cords).prediction for kind, t in decoded.items()}
-    tolerances = device_tolerances(device)
     initial = score_paths(device, task, build.surface, layout.initial, build.body.bay)
     check = verify(layout.sensors, build.surface, limits)
     if check.violations:
@@ -190,14 +182,6 @@ def _layout_record(
         )
     sensors = _cord_records(device, layout.sensors, check, task, final)
     smallest_noise_free = min(p.unseen_noise_free for p in predicted.values())
-    band = tolerance_band(
-        task.everything,
-        final.cords,
-        task.reading,
-        np.random.default_rng(SEED),
-        task.unseen,
-        tolerances=tolerances,
-    )
     risks = find_risks(task.design, layout.sensors)
     uncalibrated = warn_uncalibrated_strains(device, sensors)
     return LayoutRecord(
@@ -216,7 +200,7 @@ def _layout_record(
         prediction=final.prediction,
         unseen={kind: p.unseen for kind, p in predicted.items()},
         cross_validated={k: left_out_error(t, final.cords) for k, t in decoded.items()},
-        band=BandRecord(**asdict(band), **asdict(tolerances)),
+        band=predict_built_devices(device, task, final.cords),
         initial=initial.prediction,
         drawn=tuple(sample_path(s) for s in layout.initial),
         proposed=device.propose > 0,

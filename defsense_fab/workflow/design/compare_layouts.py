@@ -12,19 +12,18 @@ from ...core.device.device import Device, Sensor
 from ...core.errors import LayoutError, StorageError
 from ...core.progress import Report
 from ...optimization.prediction.as_built import assumed_cords
+from ...optimization.prediction.built_devices import tolerance_band
 from ...optimization.prediction.choose_layout import make_on_trial, prefer_layout
 from ...optimization.prediction.design_task import (
     SEED,
     DesignTask,
     candidate_decoders,
-    device_tolerances,
     load_task,
 )
 from ...optimization.prediction.predict import ScoredLayout, predict, predict_with_best_decoder
 from ...optimization.refinement.refine import OptimizedLayout
 from ...optimization.search import baselines
 from ...optimization.search.plane_directions import face_directions
-from ...optimization.studies.tolerance_monte_carlo import tolerance_band
 from ...store.build import Build
 from ...store.layout import CordPath, LayoutRecord, WeighedRecord
 
@@ -186,13 +185,6 @@ def _band(
     device: Device, task: DesignTask, scored: ScoredLayout, error: float
 ) -> tuple[float, float]:
     """Return the band of built devices, mm, scaled to the `error` as built."""
-    band = tolerance_band(
-        task.everything,
-        scored.cords,
-        task.reading,
-        np.random.default_rng(SEED),
-        task.unseen,
-        tolerances=device_tolerances(device),
-    )
+    band = tolerance_band(device, task, scored.cords)
     factor = error / scored.prediction.unseen
     return factor * band.low, factor * band.high

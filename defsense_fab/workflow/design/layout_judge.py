@@ -17,10 +17,15 @@ from ...optimization.limits.verification import LayoutCheck as LayoutCheck
 from ...optimization.limits.verification import verify
 from ...optimization.prediction.as_built import assumed_cords
 from ...optimization.prediction.design_task import SEED, DesignTask, candidate_decoders, load_task
-from ...optimization.prediction.predict import predict, predict_with_best_decoder
+from ...optimization.prediction.predict import (
+    predict,
+    predict_with_best_decoder,
+    trained_error,
+)
 from ...optimization.refinement.refine import optimize_layout
 from ...optimization.search.baselines import middle_plane
 from ...optimization.search.starting_layouts import LayoutSearch
+from ...sensing.memory_residual import TRAINED, memory_residuals
 from ...store.build import Build
 
 _STRAIGHT_END_MM = 8.0  # of a new path
@@ -41,6 +46,8 @@ class JudgedLayout:
         pose_errors: Error (mm) in each pose at its largest simulated level, by the pose's name.
         pose_signals: (c,) signals of the cords in the same states, by the pose's name.
         signals: (n, c) signals of the cords in all states, rest first.
+        trained: RMSE (mm) expected after training, with the memory of the cords; None for a quick
+            prediction.
     """
 
     error: float
@@ -48,6 +55,7 @@ class JudgedLayout:
     pose_errors: Mapping[str, float]
     pose_signals: Mapping[str, Float]
     signals: Float
+    trained: float | None = None
 
 
 @dataclass(frozen=True)
@@ -92,6 +100,7 @@ class LayoutJudge:
     def __init__(self, device: Device, build: Build) -> None:
         self._task: DesignTask = load_task(device, build)
         self._largest_states = _largest_states(self._task.weights)
+        self._cord = device.cord.name
         kinds = candidate_decoders(device, self._task)
         self._tasks = {kind: self._task.with_decoder(kind) for kind in kinds}
         self.surface = build.surface
@@ -125,7 +134,7 @@ class LayoutJudge:
             return None
         cords = assumed_cords(self._task, sensors)
         tasks = (self.quick_tasks if quick else {}) or self._tasks
-        best = predict_with_best_decoder(tuple(tasks.values()), cords)[1]
+        task, best = predict_with_best_decoder(tuple(tasks.values()), cords)
         p = best.prediction
         if not np.isfinite(p.unseen):
             raise LayoutError(
@@ -133,6 +142,7 @@ class LayoutJudge:
                 code="not-finite",
                 action="Check that they lie inside the body",
             )
+        residuals = memory_residuals(self._cord, TRAINED, len(cords))
         errors, names = {**p.per_state, **p.held_out}, self._task.names
         largest = {pose: k for pose, k in self._largest_states.items() if names[k] in errors}
         return JudgedLayout(
@@ -141,6 +151,7 @@ class LayoutJudge:
             {pose: errors[names[k]] for pose, k in largest.items()},
             {pose: best.signals[k] for pose, k in largest.items()},
             best.signals,
+            None if quick else trained_error(task, cords, residuals),
         )
 
     def compare(

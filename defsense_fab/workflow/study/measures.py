@@ -53,8 +53,11 @@ _MEASURES: dict[str, dict[str, tuple[str, str | Callable[[Build], Value]]]] = {
             "smallest RMSE of an affine map of as many signals, mm",
             "layout.prediction.floor",
         ),
-        "band_low": ("90 % of built devices are above, mm", "layout.band.low"),
-        "band_high": ("90 % of built devices are below, mm", "layout.band.high"),
+        "trained": ("RMSE expected after training, mm", "layout.band.trained.median"),
+        "trained_low": ("lower limit of 90 % of trained devices, mm", "layout.band.trained.low"),
+        "trained_high": ("upper limit of 90 % of trained devices, mm", "layout.band.trained.high"),
+        "band_low": ("lower limit of 90 % by noise and tolerances, mm", "layout.band.low"),
+        "band_high": ("upper limit of 90 % by noise and tolerances, mm", "layout.band.high"),
         "decoder": ("chosen decoder", "layout.prediction.decoder"),
         "cords": ("number of cords", "layout.sensors"),
         "cord_length": (

@@ -42,10 +42,13 @@ class WrittenEvaluation:
     Attributes:
         folder: Folder of the report.
         result: The evaluation.
+        expected: How the first model's error compares with the one that its design expects after
+            training; empty if the design is unknown.
     """
 
     folder: Path
     result: SessionEvaluation
+    expected: str = ""
 
     @property
     def page(self) -> Path:
@@ -77,7 +80,8 @@ class WrittenEvaluation:
 
     def to_json(self) -> dict[str, Any]:
         """Return all numbers in plain values."""
-        return {"folder": str(self.folder), **data_files.as_data(self.result)}
+        numbers = data_files.as_data(self.result)
+        return {"folder": str(self.folder), "expected": self.expected or None, **numbers}
 
 
 def evaluate(
@@ -107,10 +111,32 @@ def evaluate(
     check_folder(folder)
     models = (model, *options.against)
     result = evaluate_files(models, files, device, options.last_share, progress)
+    expected = "" if device is None else compare_with_design(result, Build(build_folder(device)))
     progress("report", 0.0, "figures and tables")
-    write_evaluation(folder, result)
+    write_evaluation(folder, result, expected)
     progress("report", 1.0, "done")
-    return WrittenEvaluation(folder, result)
+    return WrittenEvaluation(folder, result, expected)
+
+
+def compare_with_design(result: SessionEvaluation, build: Build) -> str:
+    """Return how the first model's error compares with the one expected after training.
+
+    The noise of the cameras is not part of it.
+
+    Args:
+        result: The evaluation.
+        build: The build of the device.
+
+    Returns:
+        A sentence; empty if the model is not of the build's layout.
+    """
+    first = result.models[0]
+    if first.predicted is None or first.predicted.design is None:
+        return ""
+    evaluation = first.evaluation
+    without_noise = evaluation.rmse_without_noise
+    measured = evaluation.total.rmse if without_noise is None else without_noise
+    return build.layout.band.compare_measured(measured) if measured > 0 else ""
 
 
 def evaluate_files(

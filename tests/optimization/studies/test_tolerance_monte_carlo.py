@@ -9,12 +9,18 @@ from sklearn.linear_model import Ridge
 from defsense_fab.core.curve import catmull_rom, sample_path
 from defsense_fab.decoding.expected_errors import HELD_OUT, NONE, UnseenStates
 from defsense_fab.optimization.refinement.refine import layout_error
-from defsense_fab.optimization.studies.tolerance_monte_carlo import Tolerances, tolerance_band
+from defsense_fab.optimization.studies.tolerance_monte_carlo import (
+    ToleranceBand,
+    Tolerances,
+    sample_built_cord,
+    sample_errors,
+)
 from defsense_fab.sensing.built_cord import BuiltCord, CordReading
-from defsense_fab.sensing.response import cord_signals
+from defsense_fab.sensing.memory_residual import MemoryResidual
+from defsense_fab.sensing.response import Response, cord_signals
 
 TWISTS = np.array([-1, -0.5, 0.5, 1])  # of the states of `problem`
-EXACT = Tolerances(offset=0, gauge=0, amplitude=0, prestretch=0, compression=0)
+EXACT = Tolerances(offset=0, gauge=0, amplitude=0, ends=0, compression=0)
 
 
 def band_of(problem, layout, rng, unseen, **options):
@@ -22,7 +28,7 @@ def band_of(problem, layout, rng, unseen, **options):
     cords = [BuiltCord(sample_path(s), 0.0, None) for s in layout]
     reading = CordReading(problem.sense.response, 14.5, problem.noise, 0.0)
     options = {"tolerances": Tolerances(compression=0)} | options
-    return tolerance_band(problem, cords, reading, rng, unseen, **options)
+    return ToleranceBand.of(sample_errors(problem, cords, reading, rng, unseen, **options))
 
 
 def every(problem):
@@ -76,9 +82,10 @@ def test_the_band_of_straight_cords_does_not_depend_on_rounding(problem, straigh
         moved = path.copy()
         moved[len(path) // 2, 1:] += [last, -2 * last]
         cords = [BuiltCord(moved, 0.0, None)]
-        band = tolerance_band(
+        errors = sample_errors(
             problem, cords, reading, np.random.default_rng(0), every(problem), draws=20
         )
+        band = ToleranceBand.of(errors)
         bands.append((band.low, band.median, band.high))
     assert np.ptp(bands, axis=0).max() < 1e-9
 
@@ -116,3 +123,32 @@ def test_errors_of_held_out_states_are_larger(problem, straight):
     fitted = band_of(problem, layout, np.random.default_rng(2), every(problem), draws=50)
     unseen = band_of(problem, layout, np.random.default_rng(2), held, draws=50)
     assert unseen.median > 1.2 * fitted.median
+
+
+def test_memory_of_cords_raises_the_errors_of_the_same_devices(problem, straight):
+    layout = random_layout(straight, np.random.default_rng(1))
+    bands = [
+        band_of(problem, layout, np.random.default_rng(2), every(problem), draws=60, memory=memory)
+        for memory in (
+            None,
+            MemoryResidual("none", 0.0, 0.0, 0.0),
+            MemoryResidual("small", 0.01, 0.02, 0.04),
+            MemoryResidual("large", 0.05, 0.1, 0.2),
+        )
+    ]
+    without, none, small, large = bands
+    assert none == without
+    assert without.median < small.median < large.median
+
+
+@pytest.mark.parametrize("length", [40.0, 150.0])
+def test_lengths_of_cords_are_wrong_by_millimeters(length):
+    path = np.linspace([0.0, 0.0, 0.0], [length, 0.0, 0.0], 50)
+    cord = BuiltCord(path, 0.0, 0.08)
+    reading = CordReading(Response.line(2.0), 14.5, 0.002, 1.0)
+    rng = np.random.default_rng(0)
+    tolerances = replace(EXACT, ends=0.5)
+    built = [sample_built_cord(cord, reading, rng, tolerances)[0] for _ in range(400)]
+    loose = np.array([c.length / (1 + c.prestretch) for c in built])
+    assert loose.mean() == pytest.approx(length / 1.08, abs=0.1)
+    assert loose.std() == pytest.approx(0.5, rel=0.15)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,11 @@ def test_error_table_has_a_row_for_each_pose():
     assert lines[0] == "### 1.23 mm"
     assert "quadratic" in lines[1]
     assert lines[-2:] == ["| bend | 2.00 | █████████ |", "| twist | 1.00 | ████ |"]
+
+
+def test_error_table_shows_the_error_after_training_if_it_is_known():
+    assert "2.50 mm" in error_table(replace(judged(1.0), trained=2.5), None)
+    assert error_table(judged(1.0), None).count("mm") == 2
 
 
 def test_signal_bars_have_one_scale_for_all_poses():

@@ -113,6 +113,11 @@ def test_layout_and_manifest_are_consistent(device):
     assert 0 < layout["band"]["low"] < layout["band"]["median"] < layout["band"]["high"]
     # Each device is trained on states that are not quite those of the design.
     assert 0.8 < layout["band"]["median"] / layout["prediction"]["unseen"] < 2.5
+    trained = layout["band"]["trained"]
+    assert layout["band"]["median"] < trained["median"]
+    assert trained["low"] < trained["median"] < trained["high"]
+    families = layout["band"]["families"]
+    assert families["viscoelastic"]["median"] < trained["median"] < families["hysteretic"]["median"]
     assert layout["mesh"] == json.loads((device / "build" / "mesh.json").read_text("utf-8"))["hash"]
     for s in layout["sensors"]:
         assert len(s["points"]) >= 100

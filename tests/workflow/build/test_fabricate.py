@@ -25,7 +25,6 @@ from defsense_fab.report.guide.steps import guide_steps
 from defsense_fab.sensing.built_cord import BuiltCord
 from defsense_fab.sensing.voltage_divider import E24, choose_reference
 from defsense_fab.store.layout import (
-    BandRecord,
     CordPath,
     CordRecord,
     LayoutRecord,
@@ -36,6 +35,7 @@ from defsense_fab.store.manifest import load_manifest, load_part
 from defsense_fab.workflow.build.cut_list import bill, cut_list, held_by
 from defsense_fab.workflow.build.stage_fabricate import write_parts
 from tests.geometry import slicer
+from tests.store.layouts import BAND
 from tests.support.errors import raises
 from tests.support.follow_guide.__main__ import follow, follow_steps
 from tests.support.follow_guide.assembler import Assembler
@@ -95,7 +95,7 @@ def layout(cube, made):
     return LayoutRecord(
         device.name, "hash", LimitsRecord(1.2, 5.0, 3.4), None, cords, 4.0, (), (), prediction, {},
         {},
-        BandRecord(1.0, 0.9, 1.1, 0.3, 0.05, 0.05, 0.01, 0.5, 600), prediction, (), False, (), 1,
+        BAND, prediction, (), False, (), 1,
     )  # fmt: skip
 
 

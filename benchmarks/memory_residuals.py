@@ -1,0 +1,145 @@
+"""Measure what the memory of simulated cords leaves after training, as a share of their signals.
+
+    python -m benchmarks.memory_residuals                  # print the rows of both families
+    python -m benchmarks.memory_residuals --pieces 20 --minutes 10 --write
+
+A draw is a device of one to four cords. As many poses stretch its cords, by random amounts, while a
+hand walks through the poses as in the twin's sessions. A decoder is trained on the cords' readings
+to decode their ideal signals, and is tested on the last 30 %. The error of the ideal signals, less
+the noise of the readings, is divided by the largest signal of each cord.
+It contains hysteresis, relaxation, softening, and the drift and the temperature of the session.
+
+`--write` replaces the simulated rows of `data/memory_residuals.csv`: quantiles over the pieces of
+cord, of the decoder that `train` chooses and of the paper's affine one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from dataclasses import replace
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from defsense_fab.core.arrays import Float
+from defsense_fab.decoding.quantities import Targets
+from defsense_fab.sensing.memory_residual import AFFINE, TRAINED
+from defsense_fab.training.data.dataset import Dataset, Recording
+from defsense_fab.training.fitting.train_model import train
+from defsense_fab.training.options import TrainOptions
+from defsense_fab.twin.electronics.rubber_cords import (
+    CORD_FAMILIES,
+    RubberPieces,
+    RubberState,
+    RubberTraits,
+)
+from defsense_fab.twin.options import CordFamilyName
+from defsense_fab.twin.scenes.hand_walk import plan_walk
+
+TABLE = Path(__file__).parents[1] / "defsense_fab" / "data" / "memory_residuals.csv"
+RATE_HZ = 15.0
+LARGEST_RANGE = (0.04, 0.2)  # of the signals of devices in fixtures and examples
+NOMINAL_OHM = 1500.0
+REST_S = 5.0
+QUANTILES = (0.05, 0.5, 0.95)
+MAX_CORDS = 4
+#: Seeds of devices with one cord and with several; a seed sets the number of cords.
+SEEDS = {
+    "one": list(range(0, 400, MAX_CORDS)),
+    "several": [seed for seed in range(400) if seed % MAX_CORDS],
+}
+KINDS = {
+    TRAINED: TrainOptions(),
+    AFFINE: TrainOptions(decoder="affine", memory=False),
+}
+
+
+def residuals(family: CordFamilyName, seed: int, minutes: float) -> dict[str, Float]:
+    """Return the residual shares (c,) of the cords of a drawn device, by kind of decoder."""
+    rng = np.random.default_rng([seed, 54])
+    cords = 1 + seed % MAX_CORDS
+    traits = replace(RubberTraits(CORD_FAMILIES[family]()), contact=0.0)
+    time = np.arange(0.0, 60 * minutes, 1 / RATE_HZ)
+    names = [f"pose{k}" for k in range(cords)]
+    levels = plan_walk(names, np.ones((cords, cords), bool), float(time[-1]), rng)(time)
+    # Each cord follows one pose most, and the others less.
+    mix = np.eye(cords) + rng.uniform(-0.5, 0.5, (cords, cords))
+    largest = np.exp(rng.uniform(*np.log(LARGEST_RANGE), cords))
+    ideal = levels @ mix
+    ideal *= largest / np.abs(ideal).max(axis=0)
+    pieces = RubberPieces.draw(traits, np.full(cords, NOMINAL_OHM), rng)
+    ohm, _ = pieces.simulate(time, ideal, RubberState.new(traits, cords), rng)
+    recording = Recording(
+        name="walk",
+        session="walk",
+        unit="unit",
+        sample_time=time,
+        ohm=ohm,
+        rest=np.median(ohm[time < REST_S], axis=0),
+        time=time,
+        points=ideal[:, :, None],
+        sigma=np.full((len(time), cords, 1), np.nan),
+        sync_error=0.0,
+    )
+    channels = tuple(f"c{k}" for k in range(cords))
+    targets = Targets(channels, ("",) * cords, 1)
+    reference = np.zeros((cords, 1))
+    ids = np.arange(cords)
+    dataset = Dataset("walk", "", channels, ids, reference, (recording,), targets=targets)
+    out = {}
+    for kind, options in KINDS.items():
+        result = train(dataset, options)
+        test = slice(int(result.test_frames.frame_index[0]), None)
+        decoded = result.model.decode(time, recording.signals, time[test]).points[:, :, 0]
+        square = np.nanmean((decoded - ideal[test]) ** 2, axis=0) - traits.noise**2
+        out[kind] = np.sqrt(np.maximum(square, 0.0)) / largest
+    return out
+
+
+def measure_rows(
+    family: CordFamilyName, count: str, seeds: list[int], options: argparse.Namespace
+) -> list[list[str]]:
+    """Print and return the rows of the table for one or several cords of a family."""
+    shares: dict[str, list[float]] = {kind: [] for kind in KINDS}
+    for seed in seeds:
+        for kind, values in residuals(family, seed, options.minutes).items():
+            shares[kind] += values.tolist()
+        if len(shares[TRAINED]) >= options.pieces:
+            break
+    rows = []
+    for kind, found in shares.items():
+        quantiles = [f"{x:.3f}" for x in np.quantile(found, QUANTILES)]
+        source = (
+            f"benchmarks/memory_residuals.py: {options.pieces} pieces, {options.minutes:g} minutes"
+            f" of random movement of the twin's cords `{family}`"
+        )
+        name = f"{family}-{count}-{kind}"
+        rows.append([name, family, "any", count, kind, "simulated", *quantiles, source])
+        print(*rows[-1][:-1], flush=True)
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--pieces", type=int, default=20)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--write", action="store_true")
+    options = parser.parse_args()
+    rows = []
+    for family in get_args(CordFamilyName):
+        for count, seeds in SEEDS.items():
+            rows += measure_rows(family, count, seeds, options)
+    if options.write:
+        with TABLE.open(newline="", encoding="utf-8") as file:
+            header, *present = csv.reader(file)
+        measured = [row for row in present if row[header.index("basis")] != "simulated"]
+        with TABLE.open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows([header, *rows, *measured])
+
+
+if __name__ == "__main__":
+    main()

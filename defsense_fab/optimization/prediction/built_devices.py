@@ -1,0 +1,77 @@
+"""Predict the errors of built devices, before and after training on cords with a memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.device.device import Device
+from ...sensing.built_cord import BuiltCord
+from ...sensing.memory_residual import AFFINE, TRAINED, MemoryResidual, memory_residuals
+from ...store.layout import BandRecord, ErrorRange
+from ..studies.tolerance_monte_carlo import ToleranceBand, sample_errors
+from .design_task import SEED, DesignTask, device_tolerances
+
+_AFFINE_DECODER = "affine"
+
+
+def tolerance_band(device: Device, task: DesignTask, cords: Sequence[BuiltCord]) -> ToleranceBand:
+    """Predict the errors of built devices on unseen states, without the memory of the cords.
+
+    Args:
+        device: The device.
+        task: Its design task.
+        cords: The cords as built in.
+    """
+    return ToleranceBand.of(_sample(device, task, cords, None))
+
+
+def predict_built_devices(
+    device: Device, task: DesignTask, cords: Sequence[BuiltCord]
+) -> BandRecord:
+    """Predict the errors of built devices: by tolerances alone, and after training.
+
+    Devices with each kind of memory are equally many.
+
+    Args:
+        device: The device.
+        task: Its design task.
+        cords: The cords as built in.
+    """
+    name, affine_task = device.cord.name, task.with_decoder(_AFFINE_DECODER)
+    trained = {
+        r.family: _sample(device, task, cords, r)
+        for r in memory_residuals(name, TRAINED, len(cords))
+    }
+    affine = [
+        _sample(device, affine_task, cords, r) for r in memory_residuals(name, AFFINE, len(cords))
+    ]
+    return BandRecord(
+        **asdict(tolerance_band(device, task, cords)),
+        trained=_range(list(trained.values())),
+        families={family: _range([errors]) for family, errors in trained.items()},
+        affine=_range(affine),
+        **asdict(device_tolerances(device)),
+    )
+
+
+def _range(errors: Sequence[Float]) -> ErrorRange:
+    return ErrorRange(**asdict(ToleranceBand.of(np.concatenate(errors))))
+
+
+def _sample(
+    device: Device, task: DesignTask, cords: Sequence[BuiltCord], memory: MemoryResidual | None
+) -> Float:
+    """Return the RMSE (d,) mm of the same built devices, with some memory of their cords."""
+    return sample_errors(
+        task.everything,
+        cords,
+        task.reading,
+        np.random.default_rng(SEED),
+        task.unseen,
+        tolerances=device_tolerances(device),
+        memory=memory,
+    )

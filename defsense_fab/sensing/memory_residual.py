@@ -1,0 +1,76 @@
+"""What the memory of cords (hysteresis, relaxation, drift) leaves in their signals after training.
+
+A trained decoder removes part of the memory. The rest is an error of each signal. It changes as
+slowly as the movement, so averaging does not remove it, and it grows with the signal: its standard
+deviation is a share of the largest |(R - R0)/R0| over the states. `data/memory_residuals.csv`
+contains the shares with their spread over pieces of cord, their basis and their source.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arrays import Float
+from ..core.storage.package_data import read_rows
+
+#: Kinds of decoders: as `train` chooses them, and the paper's, which has no memory.
+TRAINED, AFFINE = "trained", "affine"
+
+_TABLE = "memory_residuals.csv"
+_SIMULATED = "simulated"
+_ONE, _SEVERAL = "one", "several"
+_ANY_CORD = "any"
+_SCORE_90 = 1.645  # standard deviations of a normal distribution at its 5 % and 95 % quantiles
+
+
+@dataclass(frozen=True)
+class MemoryResidual:
+    """The share of a cord's largest signal that is left as an error, over pieces of cord.
+
+    Attributes:
+        family: Kind of memory that was simulated.
+        low: 5 % quantile.
+        median: Median.
+        high: 95 % quantile.
+    """
+
+    family: str
+    low: float
+    median: float
+    high: float
+
+    def draw(self, count: int, rng: np.random.Generator) -> Float:
+        """Draw the shares (count,) of pieces: two halves of normal distributions."""
+        score = rng.normal(size=count) / _SCORE_90
+        spread = np.where(score < 0, self.median - self.low, self.high - self.median)
+        return np.asarray(np.maximum(self.median + score * spread, 0.0))
+
+
+def memory_residuals(cord: str, decoder: str, count: int) -> tuple[MemoryResidual, ...]:
+    """Return the simulated residuals of a cord, one for each family of simulated memories.
+
+    Several cords in one device know more of each other's memory than a single cord does.
+
+    Args:
+        cord: Name of the cord, a row of `data/cords.csv`; others have the rows of any cord.
+        decoder: TRAINED or AFFINE.
+        count: Number of cords of the device.
+
+    Returns:
+        The residuals.
+    """
+    rows = [
+        row
+        for row in read_rows(_TABLE).values()
+        if row["basis"] == _SIMULATED
+        and row["decoder"] == decoder
+        and row["cords"] == (_ONE if count == 1 else _SEVERAL)
+    ]
+    of_cord = [row for row in rows if row["cord"] == cord]
+    chosen = of_cord or [row for row in rows if row["cord"] == _ANY_CORD]
+    return tuple(
+        MemoryResidual(row["family"], float(row["low"]), float(row["median"]), float(row["high"]))
+        for row in chosen
+    )
