@@ -24,7 +24,7 @@ class ShiftResult:
         low_s: Smallest correction that explains the data as well, s.
         high_s: Largest one, s.
         change_s: The correction that is found minus that for the recording as it is, s. A recording
-            may have a small shift of its own, from filters, boards or slipping fabric.
+            may have a small shift of its own, such as that of a filter or of fabric that slips.
         verdict: "found": certain, and within 0.05 s. "unknown": reported as not known, or not exact
             enough to be applied. "in step": reported as in step. "wrong": certain, but not within
             0.05 s.

@@ -34,8 +34,8 @@ _HIGH_PROFILES = {44, 83, 86, 100, 110, 118, 122, 128, 134, 135, 138, 139, 144, 
 def read_packet_sizes(path: Path) -> Iterator[tuple[float, Size | None]]:
     """Yield the time, s, and the picture's width and height, px, of each packet of a video.
 
-    The size is None while it was not stated. There are no packets for codecs with one size, and for
-    files whose packets OpenCV cannot read.
+    The size is None before the first packet that states one. There are no packets for codecs with
+    one size, and for files whose packets OpenCV cannot read.
     """
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
     try:
