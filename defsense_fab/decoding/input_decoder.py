@@ -12,11 +12,11 @@ References:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core.arrays import Float, Int
+from ..core.arrays import Bool, Float, Int
 from ..core.machine.compiled import compiled
 
 _JITTER = 1e-10  # on the kernel's diagonal, for centers that nearly coincide
@@ -134,6 +134,16 @@ class InputDecoder:
     def __call__(self, inputs: Float) -> Float:
         """Return the outputs (t, o) in mm of inputs (t, d)."""
         return np.asarray(self.features(inputs) @ self.weights + self.constant)
+
+    def select(self, outputs: Bool) -> InputDecoder:
+        """Return the decoder of the outputs of a mask (o,)."""
+        return replace(self, weights=self.weights[:, outputs], constant=self.constant[outputs])
+
+    def scale(self, factor: Float, offset: Float) -> InputDecoder:
+        """Return the decoder whose outputs are `factor` (o,) times these, plus `offset` (o,)."""
+        return replace(
+            self, weights=self.weights * factor, constant=self.constant * factor + offset
+        )
 
     def decode_sample(self, inputs: Float) -> Float:
         """Return the outputs (o,) in mm of one sample (d,); compiled, for live use."""

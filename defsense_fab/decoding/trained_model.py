@@ -43,9 +43,13 @@ class Intervals:
         """Return the intervals of the markers of a mask (m,)."""
         return Intervals(self.level, self.radius[which], self.reach)
 
+    def trust(self, distance: Float) -> Float:
+        """Return 1 within reach, and less with the square of the distance (t,) beyond."""
+        return np.asarray(np.maximum(distance / self.reach, 1.0) ** -2)
+
     def __call__(self, distance: Float) -> Float:
         """Return the radii (t, m) in mm at distances (t,)."""
-        return np.asarray(np.maximum(distance / self.reach, 1.0)[:, None] ** 2 * self.radius)
+        return np.asarray(self.radius / self.trust(distance)[:, None])
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,9 @@ class Branch:
         range: Range of its inputs in training.
         intervals: Intervals of its positions; None where they are not known.
         simulated: A simulated map; positions are then the sum of its outputs and the decoder's.
+        outside: An affine decoder of the k signals without memories. Beyond the reach of the
+            intervals it gradually replaces a nonlinear decoder, which is unreliable there. None if
+            the decoder is affine, or there is a simulated map.
     """
 
     channels: tuple[int, ...]
@@ -103,6 +110,7 @@ class Branch:
     range: TrainedRange
     intervals: Intervals | None
     simulated: SharedMemory | None = None
+    outside: InputDecoder | None = None
 
     def inputs(self, time: Float, signals: Float) -> Float:
         """Return the inputs (t, d) of all corrected signals (t, c) at times (t,), s."""
@@ -111,21 +119,31 @@ class Branch:
     def positions(self, inputs: Float) -> Float:
         """Return the outputs (t, o) in mm of inputs (t, d)."""
         outputs = self.decoder(inputs)
-        return outputs if self.simulated is None else outputs + self.simulated(inputs)
+        if self.simulated is not None:
+            return outputs + self.simulated(inputs)
+        if self.outside is None or self.intervals is None:
+            return outputs
+        trust = self.intervals.trust(self.range.distance(inputs))[:, None]
+        if (trust == 1).all():
+            return outputs
+        signals = inputs[:, : len(self.channels)]
+        return np.asarray(trust * outputs + (1 - trust) * self.outside(signals))
 
     def select_targets(self, which: Bool) -> Branch:
         """Return the decoder of the targets of a mask (m,), without a simulated map."""
         columns = np.repeat(which, len(self.decoder.constant) // len(which))
-        decoder = replace(
-            self.decoder,
-            weights=self.decoder.weights[:, columns],
-            constant=self.decoder.constant[columns],
+        return replace(
+            self,
+            decoder=self.decoder.select(columns),
+            intervals=None if self.intervals is None else self.intervals.select(which),
+            simulated=None,
+            outside=None if self.outside is None else self.outside.select(columns),
         )
-        intervals = None if self.intervals is None else self.intervals.select(which)
-        return replace(self, decoder=decoder, intervals=intervals, simulated=None)
 
     def decode_sample(self, inputs: Float) -> Float:
         """Return the outputs (o,) in mm of one sample (d,)."""
+        if self.outside is not None:
+            return np.asarray(self.positions(inputs[None])[0])
         outputs = self.decoder.decode_sample(inputs)
         if self.simulated is None:
             return outputs

@@ -14,7 +14,7 @@ from ...decoding.signal_history import Past
 from ...decoding.trained_model import Branch, TrainedModel
 from ..data.dataset import Dataset
 from ..options import TrainOptions
-from ..regression.candidates import AFFINE, FORMS
+from ..regression.candidates import AFFINE, FORMS, Candidate
 from ..regression.frames import MIN_FRAMES, Frames, assign_folds, split_frames
 from ..regression.intervals import fit_intervals, fit_trained_range
 from ..regression.marker_weights import find_wrong_markers, weight_by_certainty
@@ -153,7 +153,9 @@ def train(
     without = {
         n: _branch_without(k, best, data, options, prior, scale) for k, n in enumerate(names)
     }
-    candidates = tuple(_summarize(c, data, test_frames, scale) for c in fitted)
+    candidates = tuple(
+        _summarize(c, data, test_frames, scale, main if c is best else None) for c in fitted
+    )
     model = _make_model(dataset, best.name, main, without)
     progress("train", 1.0, "done")
     decoded, _ = _decode_left_out(best, data)
@@ -306,12 +308,22 @@ def _make_branch(fitted: FittedCandidate, data: FitData, level: float, scale: Fl
     errors = np.linalg.norm(decoded - data.outputs, axis=2) * scale
     errors[data.weights <= 0] = np.nan
     intervals = fit_intervals(errors, distance, level)
-    decoder = fitted.decoder()
     factor = np.repeat(scale, data.outputs.shape[2])
-    constant = decoder.constant * factor + frames.dataset.rest_points.ravel()
-    decoder = replace(decoder, weights=decoder.weights * factor, constant=constant)
+    rest = frames.dataset.rest_points.ravel()
     simulated = None if fitted.simulated is None else fitted.simulated.whole
-    return Branch(tuple(data.channels), past, decoder, trained_range, intervals, simulated)
+    outside = None
+    if simulated is None and fitted.candidate.form != AFFINE:
+        affine = fit_candidate(Candidate(AFFINE, Past()), data)
+        outside = affine.decoder().scale(factor, rest)
+    return Branch(
+        tuple(data.channels),
+        past,
+        fitted.decoder().scale(factor, rest),
+        trained_range,
+        intervals,
+        simulated,
+        outside,
+    )
 
 
 def _decode_left_out(fitted: FittedCandidate, data: FitData) -> tuple[Float, Float]:
@@ -362,14 +374,21 @@ def _branch_without(
 
 
 def _summarize(
-    fitted: FittedCandidate, data: FitData, test_frames: Frames, scale: Float
+    fitted: FittedCandidate,
+    data: FitData,
+    test_frames: Frames,
+    scale: Float,
+    branch: Branch | None,
 ) -> CandidateResult:
-    """Return a candidate's errors, with those on the test frames."""
+    """Return a candidate's errors, with those on the test frames; the chosen one has a branch."""
     noise, test = fitted.path.noise, None
     if len(test_frames):
         z = test_frames.inputs(fitted.candidate.past, data.channels)
-        decoded = fitted.displacements(z).reshape(test_frames.points.shape) * scale[:, None]
-        predicted = decoded + data.frames.dataset.rest_points
+        if branch is None:
+            decoded = fitted.displacements(z).reshape(test_frames.points.shape) * scale[:, None]
+            predicted = decoded + data.frames.dataset.rest_points
+        else:
+            predicted = branch.positions(z).reshape(test_frames.points.shape)
         units = test_frames.dataset.units
         is_first = np.array([unit == units[0] for unit in units])
         is_known = np.isfinite(test_frames.points[:, is_first, 0]).any(axis=1)

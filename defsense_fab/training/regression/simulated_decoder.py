@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -73,7 +73,7 @@ def fit_simulated_model(
     def fit_branch(indices: tuple[int, ...]) -> Branch:
         signals = prior.signals[:, list(indices)]
         decoder = fit_simulated_decoder(prior, indices)
-        decoder = replace(decoder, constant=decoder.constant + rest_points.ravel())
+        decoder = decoder.scale(np.ones(rest_points.size), rest_points.ravel())
         return Branch(indices, Past(), decoder, fit_trained_range(signals, signals), None)
 
     c = len(channels)

@@ -101,6 +101,26 @@ def test_a_stream_decodes_like_the_batch(recorded: Maker) -> None:
     np.testing.assert_allclose(one, model.decode(when, signals, when).points, atol=1e-9)
 
 
+@pytest.mark.parametrize("decoder", ["quadratic", "kernel"])
+def test_far_from_the_training_a_model_decodes_like_the_affine_one(
+    recorded: Maker, decoder: str
+) -> None:
+    dataset = recorded(60)
+    models = [
+        train(dataset, TrainOptions(decoder=kind, memory=False, weighted=False)).model
+        for kind in (decoder, "affine")
+    ]
+    time = np.arange(3.0)
+    middle = models[0].main.range.middle
+    for factor, difference in ((1.0, 5.0), (1e3, 1e-2)):
+        signals = np.tile(middle + factor * (models[0].main.range.high - middle), (3, 1))
+        nonlinear, affine = (m.decode(time, signals, time).points - m.rest_points for m in models)
+        assert np.abs(nonlinear - affine).max() < difference * np.abs(affine).max()
+        stream = models[0].stream()
+        one = np.array([stream(t, s) for t, s in zip(time, signals, strict=True)])
+        np.testing.assert_allclose(one - models[0].rest_points, nonlinear, rtol=1e-9, atol=1e-9)
+
+
 def test_wrong_markers_do_not_affect_the_others(recorded: Maker) -> None:
     clean = recorded(60)
     run = clean.recordings[0]
