@@ -44,7 +44,8 @@ class Event:
 
     Attributes:
         host_ns: The host's monotonic clock, ns.
-        kind: `start`, `gap`, `resumed`, `restart`, `text`, `info`, or a step of a protocol.
+        kind: `start`, `gap`, `resumed`, `restart`, `text`, `info`, `bad-line`, or a step of a
+            protocol.
             `dropped` stands for items that waited too long to be drained; only `drain` returns it.
         data: Facts about the event, as plain values.
     """

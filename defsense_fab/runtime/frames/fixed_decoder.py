@@ -18,6 +18,11 @@ from .live_faults import LiveFaults, fault_note
 from .live_frame import LiveFrame, Note, Quality
 
 _MIN_READING = 1e6  # added to signals: only cords of rubber are shorted by their resistance
+_MAX_STEP_BACK_S = 0.2  # of times; larger steps are those of a clock that has restarted
+_CLOCK_NOTE_S = 3.0
+_CLOCK_RESTARTED = Note(
+    "clock-restarted", "the time went back: the readings before are forgotten, as after a restart"
+)
 _IMPLAUSIBLE = Note(
     "readings-implausible", "the readings are far from those that the model was trained on"
 )
@@ -42,8 +47,9 @@ class FixedDecoder:
         self._readings, self._fallback = readings, fallback
         self._find_faults = LiveFaults(model.faults, len(model.channels))
         without: list[str | None] = [None, *(n for n in model.channels if n in model.without)]
-        self._streams = {name: model.stream(name) for name in without}  # each with its own past
-        self._number, self._last_time = 0, -np.inf
+        self._without = without
+        self._number, self._last_time, self._clock_note_until = 0, -np.inf, -np.inf
+        self._forget()
         self._last_good: Decoded | None = None
         self._ids = tuple(int(i) for i in model.ids)
 
@@ -58,6 +64,9 @@ class FixedDecoder:
         """
         model = self.model
         require_channels(reading, model)
+        if reading.time < self._last_time - _MAX_STEP_BACK_S:
+            self._forget()
+            self._clock_note_until = reading.time + _CLOCK_NOTE_S
         if not reading.time > self._last_time:
             return None
         self._last_time = reading.time
@@ -66,6 +75,8 @@ class FixedDecoder:
         faults = self._find_faults(reading.time, _MIN_READING + signals, signals)
         failed = {f.channel for f in faults} | set(np.flatnonzero(~np.isfinite(signals)).tolist())
         notes = [fault_note(model.channels, f.kind, (f.channel,)) for f in faults]
+        if reading.time < self._clock_note_until:
+            notes.append(_CLOCK_RESTARTED)
         lost, quality = self._choose_decoder(sorted(failed), notes)
         inputs = {name: s.inputs(reading.time, signals) for name, s in self._streams.items()}
         now = decode_inputs(model.branch(lost), inputs[lost][None], len(self._ids))
@@ -96,6 +107,12 @@ class FixedDecoder:
             notes=tuple(notes),
             targets=model.targets,
         )
+
+    def _forget(self) -> None:
+        """Forget the readings so far."""
+        self._find_faults.reset()
+        self._streams = {n: self.model.stream(n) for n in self._without}  # each with its own past
+        self._last_time = -np.inf
 
     def _choose_decoder(self, failed: list[int], notes: list[Note]) -> tuple[str | None, Quality]:
         """Return the channel to decode without, and the quality, by the channels that failed."""

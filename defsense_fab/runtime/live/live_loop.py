@@ -36,7 +36,8 @@ from .loop_status import Latency, LineLoss, LiveStatus, event_note
 SURFACE_BUDGET_S = 0.008
 
 _POLL_INTERVAL_S = 0.005  # of sources without a thread of their own
-_MAX_WAITING_SAMPLES = 50  # a machine that is too slow skips samples, and stays in time
+_MAX_AGE_S = 0.5  # a machine that is too slow skips older samples, and stays in time
+_MAX_WAITING_SAMPLES = 200  # of a source that waits until they are decoded
 _UNKNOWN_MARKER_SD_MM = 1.0  # of markers whose interval is unknown
 _MIN_MARKER_SD_MM = 1e-3
 _MAX_SILENCE_S = 1.0  # without a sample, after which that is reported
@@ -113,6 +114,8 @@ class LiveLoop:
         surface: Solver of the surface for the views.
         receivers: Outputs, views and recorder.
         tracks: Returns where cameras see the markers (m, 3), mm, at the time of a sample, s.
+        decodes_all: Whether the source, with a thread of its own, waits until samples are decoded.
+            Otherwise old samples are skipped if the machine is too slow.
     """
 
     def __init__(
@@ -126,13 +129,14 @@ class LiveLoop:
         surface: SurfaceSolver | None = None,
         receivers: Receivers = _NO_RECEIVERS,
         tracks: Callable[[float], Float] | None = None,
+        decodes_all: bool = False,
     ) -> None:
         self._source, self.decoder = source, decoder
         self._order = [list(board_channels).index(name) for name in decoder.model.channels]
         self._reference, self._controls, self._surface = reference, controls, surface
         self._outputs, self._views = tuple(receivers.outputs), tuple(receivers.views)
         self._recorder, self._every = receivers.recorder, tuple(receivers.every)
-        self._tracks = tracks
+        self._tracks, self._decodes_all = tracks, decodes_all
         self._samples_to_decode: deque[StampedSample] = deque()
         self._has_samples, self._stop = threading.Event(), threading.Event()
         self._surface_slot = FrameSlot()
@@ -270,8 +274,12 @@ class LiveLoop:
             ):  # another board, or another range of it
                 self._dividers = Dividers(self._reference, item.data["full_scale"])
             return
+        waiting = self._samples_to_decode
+        while self._decodes_all and len(waiting) >= _MAX_WAITING_SAMPLES:
+            if self._stop.wait(_POLL_INTERVAL_S):
+                return
         self._samples += 1
-        self._samples_to_decode.append(item)
+        waiting.append(item)
         self._last_sample_at = time.monotonic()
         self._line_loss.add(self._last_sample_at, self._source.statistics)
         self._is_event_lasting = False
@@ -287,7 +295,6 @@ class LiveLoop:
             while not self._stop.is_set():
                 self._has_samples.wait(_POLL_INTERVAL_S)
                 self._has_samples.clear()
-                self._source.drain()  # plays recordings, and raises the error that ended the source
                 frame = self._decode_waiting()
                 if frame is not None:
                     self._give(frame)
@@ -295,6 +302,7 @@ class LiveLoop:
                 elif self.silence > _MAX_SILENCE_S and not self._is_silence_reported:
                     self._is_silence_reported = True
                     self._give_lost()
+                self._source.drain()  # plays recordings, and raises the error that ended the source
         except Exception as error:  # raised again by `wait`
             self._failure = error
         finally:
@@ -303,15 +311,16 @@ class LiveLoop:
     def _decode_waiting(self) -> LiveFrame | None:
         """Decode the samples that wait now, and return the last frame.
 
-        If more arrive than can be decoded, the oldest ones are skipped, and frames are given all
-        the same.
+        If more arrive than can be decoded, old ones are skipped, and frames are given all the same.
         """
         latest, waiting = None, self._samples_to_decode
-        for _ in range(min(len(waiting), _MAX_WAITING_SAMPLES)):
-            while len(waiting) > _MAX_WAITING_SAMPLES:
-                waiting.popleft()
+        for _ in range(len(waiting)):
+            item = waiting.popleft()
+            age = time.monotonic() - item.host_ns / 1e9
+            if age > _MAX_AGE_S and waiting and not self._decodes_all:
                 self._skipped += 1
-            frame = self._decode(waiting.popleft())
+                continue
+            frame = self._decode(item)
             self._skipped += frame is None
             if frame is not None:
                 for sink in self._every:
@@ -359,7 +368,7 @@ class LiveLoop:
         """Repeat the last frame as a lost one, because no samples arrive."""
         if self._frame is None or self._frame.quality is Quality.LOST:
             return
-        text = f"{self._source.name}: the read-out board sends nothing"
+        text = f"{self._source.name}: no samples arrive"
         self._number += 1
         self._frame = frame = replace(
             self._frame,

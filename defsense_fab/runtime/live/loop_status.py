@@ -131,4 +131,10 @@ def event_note(source: str, event: Event) -> Note | None:
         return Note("board-reconnected", f"{source}: the read-out board is connected again")
     if event.kind == "restart":
         return Note("board-restarted", f"{source}: the read-out board has restarted")
+    if event.kind == "bad-line":
+        text = (
+            f"{source}: {event.data['count']} lines are no samples, such as"
+            f" {event.data['line']!r}; send a number for each column"
+        )
+        return Note("bad-line", text, event.data)
     return None

@@ -29,6 +29,7 @@ MIN_FRAMES = 50
 #: Shorter recordings show little of how a device moves, s.
 MIN_DURATION_S = 60.0
 _MAX_GAP_SHARE = 0.2  # of a channel's samples without a value, without a warning
+_MIN_INCREASES = 50  # one after another, which no sensor with noise shows
 _MIN_KNOWN_SHARE = 0.5  # of a channel's values; a channel with fewer is named
 
 
@@ -39,8 +40,9 @@ def check_readings(dataset: Dataset) -> list[Problem]:
         dataset: The dataset, whose readings may have any value.
 
     Returns:
-        A problem for each such channel: it has gaps, does not change in a run, stays at one value
-        while others move, or is at the end of its range.
+        A problem for each such channel: it has gaps, does not change in a run, only increases,
+        stays at one value while others move, or is at the end of its range. And one for targets
+        that do not change.
     """
     doubts: dict[str, list[_Doubt]] = {}
     for k, name in enumerate(dataset.channels):
@@ -48,7 +50,38 @@ def check_readings(dataset: Dataset) -> list[Problem]:
         if found:
             worst = max(found, key=lambda d: d.share)
             doubts.setdefault(worst.code, []).append(replace(worst, runs=len(found)))
-    return [_describe_doubts(code, group) for code, group in doubts.items()]
+    return [
+        *(_describe_doubts(code, group) for code, group in doubts.items()),
+        *_check_constant_targets(dataset),
+    ]
+
+
+def _check_constant_targets(dataset: Dataset) -> list[Problem]:
+    """Find targets that have one value throughout."""
+    if dataset.targets is None:
+        return []
+    points = np.concatenate([r.points for r in dataset.recordings])
+    with np.errstate(all="ignore"):
+        width = np.array(
+            [
+                np.ptp(p[np.isfinite(p).all(axis=1)], axis=0).max(initial=0.0)
+                if np.isfinite(p).all(axis=1).any()
+                else np.inf
+                for p in np.moveaxis(points, 1, 0)
+            ]
+        )
+    names = tuple(np.array(dataset.targets.names)[width == 0].tolist())
+    if not names:
+        return []
+    return [
+        Problem(
+            "constant-target",
+            False,
+            f"{', '.join(names)}: the target does not change, so that nothing is learned from it",
+            "Delete the column, or record movements that change it",
+            data={"targets": names},
+        )
+    ]
 
 
 @dataclass(frozen=True)
@@ -76,6 +109,7 @@ class _Doubt:
 _SEVERAL = {
     "missing-channel": "have no value in many samples",
     "constant-channel": "do not change",
+    "increasing-channel": "only increase, as a clock or a counter does",
     "saturated-channel": "are at the end of their range for long",
     "stuck-channel": "stay the same while others move",
 }
@@ -112,6 +146,10 @@ def _find_doubt(r: Recording, k: int, name: str) -> _Doubt | None:
         )
     if range_of(signals) < MIN_RANGE * max(1.0, float(np.nanmax(np.abs(signals)))):
         return _Doubt("constant-channel", r.name, name, "does not change", 1.0)
+    steps = np.diff(values[~is_gap])
+    if len(steps) >= _MIN_INCREASES and (steps > 0).all():
+        text = "only increases, as a clock or a counter does"
+        return _Doubt("increasing-channel", r.name, name, text, 1.0)
     step = float(np.median(np.diff(r.sample_time))) if len(r.sample_time) > 1 else 0.0
     is_end = is_at_end(values)
     share, longest = float(is_end.mean()), step * run_length(is_end)

@@ -286,6 +286,16 @@ def _require_all_markers(frames: Frames, weights: Float) -> None:
     is_rare = (weights > 0).sum(0) < _MIN_MARKER_FRAMES
     if is_rare.any():
         markers = tuple(frames.dataset.ids[is_rare].tolist())
+        if (targets := frames.dataset.targets) is not None:
+            names = tuple(np.array(targets.names)[is_rare].tolist())
+            raise TrainingError(
+                f"{', '.join(names)} has fewer than {_MIN_MARKER_FRAMES} values at the"
+                f" {len(frames)} times to train on",
+                code="target-rarely-known",
+                where=frames.dataset.device,
+                action="Delete the column, or test on another part (--leave-out, --test-share)",
+                targets=names,
+            )
         raise TrainingError(
             f"marker {', '.join(map(str, markers))} was visible in fewer than {_MIN_MARKER_FRAMES}"
             f" of the {len(frames)} frames to train on",

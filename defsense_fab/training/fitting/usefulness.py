@@ -118,7 +118,11 @@ def measure_usefulness(model: TrainedModel, frames: Frames) -> Usefulness:
         The judgment, without a cause.
     """
     points = frames.points
-    mean_shape = decode_inputs(model.main, model.main.range.middle[None], points.shape[1]).points[0]
+    main, middle = model.main, model.main.range.middle[None]
+    if main.outside is not None:  # a linear decoder's output of the mean is the mean of its outputs
+        mean_shape = main.outside(middle[:, : len(main.channels)]).reshape(points.shape[1:])
+    else:
+        mean_shape = decode_inputs(main, middle, points.shape[1]).points[0]
     movement = min(rms_distance(points, shape) for shape in (mean_shape, model.rest_points))
     error = rms_distance(points, decode(model, frames))
     chance = None

@@ -28,14 +28,15 @@ class Unit:
 
 
 _OHM, _FARAD, _VOLT = "resistance", "capacitance", "voltage"
-_LENGTH, _ANGLE, _FORCE, _PRESSURE, _TIME = "length", "angle", "force", "pressure", "time"
+LENGTH = "length"
+_ANGLE, _FORCE, _PRESSURE, _TIME = "angle", "force", "pressure", "time"
 #: Units by their spelling; those of one letter count in brackets and after an underscore only.
 _UNITS = {
-    "mm": Unit(_LENGTH, "mm"),
-    "cm": Unit(_LENGTH, "mm", 10.0),
-    "m": Unit(_LENGTH, "mm", 1000.0),
-    "um": Unit(_LENGTH, "mm", 1e-3),
-    "inch": Unit(_LENGTH, "mm", 25.4),
+    "mm": Unit(LENGTH, "mm"),
+    "cm": Unit(LENGTH, "mm", 10.0),
+    "m": Unit(LENGTH, "mm", 1000.0),
+    "um": Unit(LENGTH, "mm", 1e-3),
+    "inch": Unit(LENGTH, "mm", 25.4),
     "deg": Unit(_ANGLE, "deg"),
     "degree": Unit(_ANGLE, "deg"),
     "degrees": Unit(_ANGLE, "deg"),
@@ -85,6 +86,19 @@ _UNITS = {
 _CASES = {n.casefold(): unit for n, unit in _UNITS.items() if n.islower() and len(n) > 1}
 _RELATIVE = ("(R-R0)/R0", "(R - R0)/R0", "dR/R0", "dR/R", "ΔR/R0", "ΔR/R")
 _TIMES = ("time", "t", "timestamp", "timestamps", "seconds")
+_NUMBERS = (
+    "index",
+    "idx",
+    "row",
+    "frame",
+    "frames",
+    "sample",
+    "samples",
+    "counter",
+    "#",
+    "no",
+    "nr",
+)
 
 
 @dataclass(frozen=True)
@@ -144,6 +158,11 @@ def parse_column(header: str) -> Column:
     if unit is None or unit.kind == _TIME:
         return Column(header, "")
     return Column(name, unit.name, unit.factor, unit.kind)
+
+
+def is_clock(header: str) -> bool:
+    """Return whether a column has times, or numbers of rows, by its header."""
+    return find_time((header,)) is not None or header.strip().casefold() in _NUMBERS
 
 
 def find_time(headers: tuple[str, ...]) -> tuple[str, float] | None:

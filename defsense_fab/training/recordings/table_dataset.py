@@ -15,7 +15,7 @@ from ...core.arrays import Float
 from ...core.errors import CaptureError, TrainingError
 from ...decoding.quantities import COUNTS, RELATIVE, Readings, Targets
 from ..data.dataset import Dataset, Recording
-from .column_units import Column, find_time, parse_column
+from .column_units import LENGTH, Column, find_time, is_clock, parse_column
 from .pair_dataset import RecordingInfo, require_common_time
 from .series import OTHER_COLUMNS, RUN, increasing_times, read_table
 
@@ -59,8 +59,8 @@ def table_dataset(
 
     A table has a column of times and one column for each channel or target, whose unit is in its
     header: `angle_deg`, `angle [deg]`, `left_kohm`. Targets are positions if all columns are x, y
-    and z of points, otherwise scalars. Signals are relative to a reference, which is the median of
-    the first half of the first run, except for (R - R0)/R0.
+    and z of points, in a unit of length or none, otherwise scalars. Signals are relative to a
+    reference, which is the median of the first half of the first run, except for (R - R0)/R0.
 
     Args:
         signals: Tables of signals, one for each run.
@@ -222,7 +222,8 @@ def _read(path: Path) -> _Table:
             action="Name the column of the times time, in s",
             column="time",
         )
-    headers = [n for n in table.names if n not in (found[0], RUN, *OTHER_COLUMNS)]
+    rest = [n for n in table.names if n not in (found[0], RUN, *OTHER_COLUMNS)]
+    headers = [n for n in rest if not is_clock(n)]
     columns = tuple(parse_column(h) for h in headers)
     repeated = [n for n, count in Counter(c.name for c in columns).items() if count > 1]
     if repeated:
@@ -259,6 +260,11 @@ def _read(path: Path) -> _Table:
             f"has {int(is_kept.sum())} rows with a time", code="no-samples", where=path
         )
     notes = list(table.notes)
+    if clocks := [n for n in rest if is_clock(n)]:
+        notes.append(
+            f"{path.name}: {', '.join(clocks)} left out, as times or numbers of rows; the times are"
+            f" {found[0]}"
+        )
     if lost := int((~is_kept).sum()):
         notes.append(f"{path.name}: {lost} rows whose time does not increase are left out")
     return _Table(path, columns, time[is_kept], values[is_kept], tuple(notes))
@@ -309,7 +315,10 @@ def _find_triples(columns: Sequence[Column]) -> dict[str, list[int]] | None:
         points.setdefault(column.axis[0], {})[column.axis[1]] = k
     triples = {name: [axes[i] for i in sorted(axes)] for name, axes in points.items()}
     is_complete = all(
-        len(index) == 3 and len({columns[k].unit for k in index}) == 1 for index in triples.values()
+        len(index) == 3
+        and len({columns[k].unit for k in index}) == 1
+        and (columns[index[0]].kind == LENGTH or not columns[index[0]].unit)
+        for index in triples.values()
     )
     return triples if is_complete and len(columns) == 3 * len(triples) else None
 

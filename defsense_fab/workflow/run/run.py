@@ -43,7 +43,7 @@ from ...twin.recordings.walking_board import WalkingBoard
 from .live_device import LiveDevice, device_surface, typical_marker_sd
 from .options import RunOptions
 from .sources import Port, SessionPlay, open_source, open_twin
-from .target_sources import open_target_source, refuse_surface
+from .target_sources import TextLines, open_target_source, refuse_surface
 
 _ANIMATION_FILE = "animation.glb"
 _MAX_VIEW_RATE_HZ = 60.0
@@ -215,6 +215,7 @@ def _prepare_target_run(
         live.board_channels,
         reference,
         receivers=Receivers(outputs, receivers, recording, files),
+        decodes_all=isinstance(source, TextLines),
     )
     file = folder.path / TARGETS if folder is not None and files else None
     return LiveRun(model.device, port, loop, outputs, None, recording, notes=notes, targets=file)

@@ -25,7 +25,7 @@ from ...capture.readout.source import (
 )
 from ...core.arrays import Float
 from ...core.errors import LiveError
-from ...decoding.quantities import RELATIVE, Readings
+from ...decoding.quantities import COUNTS, RELATIVE, Readings
 from ...decoding.trained_model import TrainedModel
 from ...runtime.outputs.live_file import LiveSettings
 from ...runtime.outputs.settings import KINDS, GamepadSettings, MidiSettings
@@ -38,7 +38,8 @@ from .sources import TWIN
 #: Port of lines of text on standard input.
 STDIN = "stdin"
 _MICROS_RANGE = 1 << 32
-_MAX_WAITING = 10_000  # lines that wait to be decoded
+_MAX_WAITING = 10_000  # samples and events that wait to be drained
+_MIN_EVENT_INTERVAL_S = 1.0  # between reports of lines that are no samples
 _FULL_SCALE = 1
 
 
@@ -109,7 +110,7 @@ class TextLines:
         self._file, self._channels, self._readings = file, tuple(channels), readings
         self._items: deque[StampedSample | Event] = deque(maxlen=_MAX_WAITING)
         self._latest: StampedSample | None = None
-        self._count = self._bad = 0
+        self._count = self._bad = self._next_report_ns = 0
         self._has_ended = False
         self._thread = threading.Thread(target=self._read, daemon=True)
         self._order, self._factors = list[int](), np.zeros(0)
@@ -125,11 +126,12 @@ class TextLines:
         header = self._file.readline()
         names = tuple(cell.strip() for cell in header.strip().split(","))
         if not header.strip():
+            example = _example_header(self._channels, self._readings)
             raise LiveError(
                 "has no line that names the columns",
                 code="header-missing",
                 where=self.name,
-                action=f"Send a line such as time,{','.join(self._channels)} first",
+                action=f"Send a line such as {example} first",
             )
         found = find_time(names)
         if found is not None:
@@ -171,15 +173,17 @@ class TextLines:
         start = time.monotonic()
         for line in self._file:
             cells = line.strip().split(",")
-            if len(cells) <= max(self._order) or not line.strip():
-                self._bad += bool(line.strip())
+            if not line.strip():
+                continue
+            if len(cells) <= max(self._order):
+                self._report_bad(line)
                 continue
             values = np.array([_number(cells[k]) for k in self._order]) * self._factors
             seconds = time.monotonic() - start
             if self._time_column is not None:
                 seconds = _number(cells[self._time_column]) * self._time_factor
             if not np.isfinite(seconds):
-                self._bad += 1
+                self._report_bad(line)
                 continue
             micros = round(1e6 * seconds)
             item = StampedSample(time.monotonic_ns(), micros, _sample(self._count, micros, values))
@@ -189,6 +193,15 @@ class TextLines:
                 self.sink(item)
             self._items.append(item)
         self._has_ended = True
+
+    def _report_bad(self, line: str) -> None:
+        """Count a line that is no sample, and report it if none was reported recently."""
+        self._bad += 1
+        now = time.monotonic_ns()
+        if self.sink is None or now < self._next_report_ns:
+            return
+        self._next_report_ns = now + round(1e9 * _MIN_EVENT_INTERVAL_S)
+        self.sink(Event(now, "bad-line", {"line": line.strip()[:40], "count": self._bad}))
 
 
 def open_target_source(
@@ -303,16 +316,24 @@ def find_channels(
         )
     order = [names.index(name) for name in channels]
     for k, name, unit in zip(order, channels, readings.units, strict=True):
-        if columns[k].unit and columns[k].unit != unit:
+        given = columns[k].unit
+        if given != unit and (given or unit not in (COUNTS, RELATIVE)):
             raise LiveError(
-                f"{name} is in {columns[k].unit}, but the model was trained on {unit}",
+                f"{name} is in {given}, but the model was trained on {unit}"
+                if given
+                else f"{name} has no unit in its header, but the model was trained on {unit}",
                 code="units-differ",
                 where=where,
-                action="Give the signals in the units of the training",
+                action=f"Name the columns {_example_header(channels, readings)}",
                 channel=name,
-                units=(columns[k].unit, unit),
+                units=(given, unit),
             )
     return order
+
+
+def _example_header(channels: Sequence[str], readings: Readings) -> str:
+    units = ("" if u in (COUNTS, RELATIVE) else f"_{u}" for u in readings.units)
+    return ",".join(["time", *(name + unit for name, unit in zip(channels, units, strict=True))])
 
 
 def _sample(number: int, micros: int, values: Float) -> ReadingSample:

@@ -44,13 +44,13 @@ class ManualSource:
     def close(self):
         pass
 
-    def send(self, ohms):
+    def send(self, ohms, age_s=0.0):
         counts = Dividers(REFERENCE, self.full_scale).counts(np.asarray(ohms))
         sums = tuple(round(float(AVERAGES * c)) for c in counts)
         self.number += 1
         micros = 10_000 * self.number
         sample = Sample(self.number, micros, False, False, AVERAGES, sums)
-        self.sink(StampedSample(time.monotonic_ns(), micros, sample))
+        self.sink(StampedSample(time.monotonic_ns() - round(1e9 * age_s), micros, sample))
 
     def report(self, kind, **data):
         self.sink(Event(time.monotonic_ns(), kind, data))
@@ -169,8 +169,8 @@ def test_samples_that_are_not_decoded_are_counted(fed, monkeypatch):
     monkeypatch.setattr(loop, "decoder", slow)
     source.send(R0)
     assert is_waiting.wait(60)
-    for _ in range(80):  # 50 of them may wait
-        source.send(R0)
+    for k in range(80):
+        source.send(R0, age_s=10.0 if k < 30 else 0.0)
     resume.set()
     out.until(lambda f: f.time >= 0.01 * source.number - 1e-6)
     status = loop.status

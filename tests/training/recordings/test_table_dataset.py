@@ -8,6 +8,7 @@ import pytest
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.data.dataset_assembly import join_datasets
 from defsense_fab.training.data.dataset_checks import check_dataset
+from defsense_fab.training.fitting.train_model import train
 from defsense_fab.training.recordings.dataset_parquet import read_dataset, write_dataset
 from defsense_fab.training.recordings.lerobot_export import write_lerobot
 from defsense_fab.training.recordings.table_dataset import name_runs, table_dataset
@@ -48,6 +49,29 @@ def test_triples_become_points_in_any_order_of_columns(tmp_path):
     assert data.units == ("mm", "mm")
     first = data.recordings[0].points[0]
     np.testing.assert_allclose(first, [[40, 50, 0], [20, 10, 30]], atol=1e-4)
+
+
+def test_angles_about_axes_are_scalars(tmp_path):
+    time = np.arange(0, 10, 0.05)
+    signals, _ = write_pair(tmp_path, seconds=10)
+    header = "time," + ",".join(f"roll_{axis}_deg" for axis in "xyz")
+    targets = write(tmp_path / "angles.csv", header, time, *(np.sin(time + k) for k in range(3)))
+    kinds = table_dataset([signals], [targets]).targets
+    assert (kinds.names, kinds.axes) == (("roll_x", "roll_y", "roll_z"), 1)
+
+
+def test_further_clocks_and_row_numbers_are_neither_channels_nor_targets(tmp_path):
+    time = np.arange(0, 10, 0.05)
+    a, b = ohms(time, 0).T
+    rows = np.arange(len(time), dtype=float)
+    signals = write(
+        tmp_path / "s.csv", "index,time,timestamp_ms,a_ohm,b_ohm", rows, time, 1e3 * time, a, b
+    )
+    targets = write(tmp_path / "t.csv", "time,t,angle_deg", time, time, np.sin(time))
+    data = table_dataset([signals], [targets])
+    assert data.channels == ("a", "b")
+    assert data.targets.names == ("angle",)
+    assert len(data.provenance["sessions"][0]["notes"]) == 2
 
 
 def test_one_column_that_is_no_axis_makes_all_columns_scalars(tmp_path):
@@ -208,6 +232,29 @@ def test_doubtful_data_are_warned_of_and_not_refused(tmp_path):
         assert problems[code].data["channels"] == (channel,)
         assert f"--without-channels {channel}" in problems[code].action
     assert "no-rest-pose" not in problems
+
+
+def test_channels_that_only_increase_and_constant_targets_are_warned_of(tmp_path):
+    time = np.arange(0, 70, 0.05)
+    a, b = ohms(time, 0).T
+    signals = write(tmp_path / "s.csv", "time,a_ohm,b_ohm,beats", time, a, b, 100 + time)
+    targets = write(
+        tmp_path / "t.csv", "time,angle_deg,force_N", time, movements(time, 0)[0], 0 * time + 3
+    )
+    found = {p.code: p for p in check_dataset(table_dataset([signals], [targets]))}
+    assert found["increasing-channel"].data == {"channels": ("beats",)}
+    assert found["constant-target"].data == {"targets": ("force",)}
+    assert not any(p.is_fatal for p in found.values())
+
+
+def test_targets_unknown_in_the_training_are_refused_by_name(tmp_path):
+    signals, _ = write_pair(tmp_path, seconds=40)
+    time = np.arange(0, 40, 0.05)
+    angle, force = movements(time, 0)
+    force[time < 30] = np.nan
+    targets = write(tmp_path / "t.csv", "time,angle_deg,force_N", time, angle, force)
+    with raises(TrainingError, "target-rarely-known", targets=("force",)):
+        train(table_dataset([signals], [targets]))
 
 
 def test_rates_that_are_far_apart_are_warned_of_and_interpolated(tmp_path):

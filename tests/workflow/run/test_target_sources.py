@@ -8,17 +8,19 @@ import time
 import numpy as np
 import pytest
 
-from defsense_fab.capture.readout.source import RecordingEnd, StampedSample
+from defsense_fab.capture.readout.source import Event, RecordingEnd, StampedSample
 from defsense_fab.core.errors import LiveError
 from defsense_fab.decoding.quantities import Readings
 from defsense_fab.runtime.frames.fixed_decoder import FixedDecoder, target_values
 from defsense_fab.runtime.frames.live_decoder import Reading
 from defsense_fab.runtime.frames.live_frame import Quality
+from defsense_fab.runtime.live.live_loop import LiveLoop, Receivers
 from defsense_fab.runtime.outputs.osc_output import encode_message, frame_messages
 from defsense_fab.training.fitting.train_model import train
 from defsense_fab.training.options import TrainOptions
 from defsense_fab.training.recordings.table_dataset import table_dataset
 from defsense_fab.workflow.run.target_sources import TextLines, open_target_source
+from tests.runtime.live.test_live_loop import Kept
 from tests.support.errors import raises
 from tests.training.recordings.tables import ohms, write_pair
 
@@ -55,11 +57,60 @@ def test_lines_of_text_are_samples_in_the_order_of_the_channels():
 
 @pytest.mark.parametrize(
     ("text", "code"),
-    [("", "header-missing"), ("time,a\n", "channels-differ"), ("a_pF,b_pF\n", "units-differ")],
+    [
+        ("", "header-missing"),
+        ("time,a_ohm\n", "channels-differ"),
+        ("a_pF,b_pF\n", "units-differ"),
+        ("a,b\n", "units-differ"),
+    ],
 )
 def test_texts_without_the_channels_are_refused(text, code):
     with raises(LiveError, code):
         TextLines(io.StringIO(text), ("a", "b"), OHM).start()
+
+
+def test_lines_that_are_no_samples_are_reported():
+    source, events = TextLines(io.StringIO("a_ohm,b_ohm\n1\n2,3\nend\n"), ("a", "b"), OHM), []
+    source.sink = events.append
+    source.start()
+    read_all(source)
+    reports = [e.data for e in events if isinstance(e, Event)]
+    assert reports == [{"line": "1", "count": 1}]
+    assert source.statistics.bad == 2
+
+
+def test_all_lines_are_decoded_however_fast_they_come(model):
+    times = np.arange(0, 40, 0.02)
+    rows = (f"{t:.2f},{a:.6f},{b:.6f}" for t, (a, b) in zip(times, ohms(times, 0), strict=True))
+    text = "\n".join([f"time,{','.join(f'{n}_ohm' for n in model.channels)}", *rows])
+    source, kept = TextLines(io.StringIO(text), model.channels, model.readings), Kept()
+    loop = LiveLoop(
+        source,
+        FixedDecoder(model, model.readings),
+        model.channels,
+        None,
+        receivers=Receivers(every=[kept]),
+        decodes_all=True,
+    )
+    loop.start()
+    with pytest.raises(RecordingEnd):
+        loop.wait(60)
+    loop.close()
+    assert [f.time for f in kept.frames] == pytest.approx(times)
+    assert loop.status.skipped == 0
+
+
+def test_a_clock_that_goes_back_restarts_the_decoder(model):
+    decoder, fresh = (FixedDecoder(model, model.readings) for _ in range(2))
+    times = np.arange(0, 2, 0.02)
+    values = ohms(times, 0)
+    for t, v in zip(times, values, strict=True):
+        decoder(Reading(10 + float(t), v, 0.0))
+    assert decoder(Reading(11.9, values[0], 0.0)) is None  # late by less than a restart
+    again, first = (d(Reading(0.0, values[0], 0.0)) for d in (decoder, fresh))
+    np.testing.assert_array_equal(again.markers, first.markers)
+    assert "clock-restarted" in [note.code for note in again.notes]
+    assert first.notes == ()
 
 
 def test_boards_give_ohm_only():
