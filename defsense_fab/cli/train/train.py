@@ -142,8 +142,9 @@ def _describe_training(training: Training) -> list[str]:
     if targets is not None:
         notes += [describe_errors(e) for e in training.test]
     if selected.moved or selected.worked:
-        times = [f"{t:.2g} s" for t in (*selected.moved, *selected.worked)]
-        notes.append(f"memory: {', '.join(times)}")
+        memories = {"of positions": selected.moved, "of travel": selected.worked}
+        texts = [f"{', '.join(f'{t:.2g}' for t in m)} s {of}" for of, m in memories.items() if m]
+        notes.append(f"memory: {'; '.join(texts)}")
     if training.wrong_markers.any():
         share = training.wrong_markers.sum() / max(int(training.training_frames.visible.sum()), 1)
         notes.append(f"{share:.2%} of the {kinds} were wrong and excluded from the training")
