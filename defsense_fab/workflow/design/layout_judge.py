@@ -25,7 +25,7 @@ from ...optimization.prediction.predict import (
 from ...optimization.refinement.refine import optimize_layout
 from ...optimization.search.baselines import middle_plane
 from ...optimization.search.starting_layouts import LayoutSearch
-from ...sensing.memory_residual import TRAINED, memory_residuals
+from ...sensing.memory_residual import TRAINED, expected_residuals
 from ...store.build import Build
 
 _STRAIGHT_END_MM = 8.0  # of a new path
@@ -142,7 +142,7 @@ class LayoutJudge:
                 code="not-finite",
                 action="Check that they lie inside the body",
             )
-        residuals = memory_residuals(self._cord, TRAINED, len(cords))
+        residuals = expected_residuals(self._cord, TRAINED, len(cords))
         errors, names = {**p.per_state, **p.held_out}, self._task.names
         largest = {pose: k for pose, k in self._largest_states.items() if names[k] in errors}
         return JudgedLayout(
