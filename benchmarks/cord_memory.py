@@ -8,16 +8,16 @@ FOLDER contains recordings: folders with `signals.csv` and `targets.csv` (or `ru
 without memory, and by that cubic followed by the memory of each family of cords. Everything is
 fitted to the first 70 % in time; NRMSE is the RMS error on the last 30 % over the standard
 deviation of the signal there. `--constants` names the recordings whose constants are combined to
-rows of `data/cord_memory.csv`: medians over channels, and the spread of pieces of cord. Constants of
-recordings without a licence must not be committed.
+rows of `data/cord_memory.csv`: medians over channels, and the spread of pieces of cord. Constants
+of recordings without a licence must not be committed.
 
 The spread between channels of one recording contains the error of the fits. To separate it, each
 channel is fitted twice, to either half of its training part. The variance between the channels'
 means, less half of the variance within channels, is the variance of channels (analysis of variance
 with one random effect, pooled over recordings, negative estimates kept). The row `spread` is the
 square root of its median over the constants, in logarithms (`exponent`: plain; `friction`: relative
-to its median). Where the median is not positive, nothing can be separated. The result still contains
-the place of each sensor at the knee, and what the model lacks in both halves alike.
+to its median). Where the median is not positive, nothing can be separated. The result still
+contains the place of each sensor at the knee, and what the model lacks in both halves alike.
 """
 
 from __future__ import annotations
@@ -213,7 +213,7 @@ def fit_recording(folder: Path, limit: int) -> list[Float]:
 
 
 def fit_halves(folder: Path, limit: int) -> Float:
-    """Return the constants (c, 2, 12) of the channels, fitted to the halves of the training part."""
+    """Return the constants (c, 2, 12) of channels, fitted to halves of the training part."""
     time, targets, signals = read(folder)
     train = np.arange(len(time)) < TRAINED_SHARE * len(time)
     first = np.arange(len(time)) < TRAINED_SHARE * len(time) / 2
@@ -246,7 +246,7 @@ def separate_variances(recordings: Sequence[Float]) -> tuple[Float, Float]:
 
 
 def print_constants(fitted: dict[str, list[Float]], halves: dict[str, Float]) -> None:
-    """Print the medians of the constants, and the spread of pieces without the error of the fits."""
+    """Print the medians of the constants, and the spread of pieces without errors of fits."""
     everything = np.concatenate([np.array(rows) for rows in fitted.values()])
     within = np.concatenate([np.array(r) - np.median(r, axis=0) for r in fitted.values()])
     middle, spread = np.median(everything, axis=0), 1.4826 * np.median(np.abs(within), axis=0)
