@@ -204,8 +204,8 @@ class BandRecord:
         median: Median RMSE by noise and tolerances alone, mm.
         low: Lower limit of the range of 90 % of the devices, mm.
         high: Upper limit of this range, mm.
-        trained: RMSE expected after training, with the memory of the cords. The median is that of
-            the cord's kind of memory if that is known; the range is always of all kinds.
+        trained: RMSE expected in a session after training, with the memory of the cords. The
+            median is of the cord's kind of memory if it is known; the range is always of all kinds.
         families: The same for each kind of memory.
         affine: The same with the paper's affine decoder, which has no memory.
         offset: Largest distance of a cord from its groove's axis, mm.
@@ -215,6 +215,8 @@ class BandRecord:
         compression: Largest share of its slope that a response may lack below zero strain.
         frames: Number of frames of the test.
         family: The cord's kind of memory; empty if it is not known.
+        without_memory: Median RMSE in a session by noise and tolerances alone, mm; None if that of
+            unseen states is meant.
     """
 
     median: float
@@ -230,13 +232,19 @@ class BandRecord:
     compression: float
     frames: int
     family: str = ""
+    without_memory: float | None = None
+
+    @property
+    def noise_part(self) -> float:
+        """RMSE (mm) that noise and tolerances cause of the one expected after training."""
+        return self.median if self.without_memory is None else self.without_memory
 
     def describe_trained(self) -> str:
         """Return the expected error as a sentence without its period."""
         t, cords = self.trained, _on_cords(self.family)
         return (
             f"{t.median:.2f} mm expected after training{cords} ({t.low:.2f} to {t.high:.2f} in 90"
-            f" of 100 devices); {self.median:.2f} mm of it from noise and tolerances"
+            f" of 100 devices); {self.noise_part:.2f} mm of it from noise and tolerances"
         )
 
     def compare_measured(self, measured: float, family: str = "") -> str:

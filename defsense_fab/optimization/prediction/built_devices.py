@@ -36,7 +36,7 @@ def tolerance_band(device: Device, task: DesignTask, cords: Sequence[BuiltCord])
 
 
 def predict_built_devices(
-    device: Device, task: DesignTask, cords: Sequence[BuiltCord]
+    device: Device, task: DesignTask, cords: Sequence[BuiltCord], shares: Float | None = None
 ) -> BandRecord:
     """Predict the errors of built devices: by tolerances alone, and after training.
 
@@ -47,14 +47,17 @@ def predict_built_devices(
         device: The device.
         task: Its design task.
         cords: The cords as built in.
+        shares: How often the session of the training shows each state (n,), rest included; None if
+            it shows the unseen states alone.
     """
     name, affine_task = device.cord.name, task.with_decoder(_AFFINE_DECODER)
     trained = {
-        r.family: _sample(device, task, cords, r)
+        r.family: _sample(device, task, cords, r, shares)
         for r in memory_residuals(name, TRAINED, len(cords))
     }
     affine = [
-        _sample(device, affine_task, cords, r) for r in memory_residuals(name, AFFINE, len(cords))
+        _sample(device, affine_task, cords, r, shares)
+        for r in memory_residuals(name, AFFINE, len(cords))
     ]
     family, everything = known_family(name), _range(list(trained.values()))
     if family:
@@ -66,6 +69,7 @@ def predict_built_devices(
         affine=_range(affine),
         **asdict(device_tolerances(device)),
         family=family,
+        without_memory=ToleranceBand.of(_sample(device, task, cords, None, shares)).median,
     )
 
 
@@ -74,7 +78,11 @@ def _range(errors: Sequence[Float]) -> ErrorRange:
 
 
 def _sample(
-    device: Device, task: DesignTask, cords: Sequence[BuiltCord], memory: MemoryResidual | None
+    device: Device,
+    task: DesignTask,
+    cords: Sequence[BuiltCord],
+    memory: MemoryResidual | None,
+    shares: Float | None = None,
 ) -> Float:
     """Return the RMSE (d,) mm of the same built devices, with some memory of their cords."""
     return sample_errors(
@@ -82,7 +90,7 @@ def _sample(
         cords,
         task.reading,
         np.random.default_rng(SEED),
-        task.unseen,
+        replace(task.unseen, shares=shares),
         tolerances=device_tolerances(device),
         memory=memory,
     )
