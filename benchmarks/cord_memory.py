@@ -8,14 +8,22 @@ FOLDER contains recordings: folders with `signals.csv` and `targets.csv` (or `ru
 without memory, and by that cubic followed by the memory of each family of cords. Everything is
 fitted to the first 70 % in time; NRMSE is the RMS error on the last 30 % over the standard
 deviation of the signal there. `--constants` names the recordings whose constants are combined to
-rows of `data/cord_memory.csv`: medians over channels, and the spread between channels of one
-recording. Constants of recordings without a licence must not be committed.
+rows of `data/cord_memory.csv`: medians over channels, and the spread of pieces of cord. Constants
+of recordings without a licence must not be committed.
+
+The spread between channels of one recording contains the error of the fits. To separate it, each
+channel is fitted twice, to either half of its training part. The variance between the channels'
+means, less half of the variance within channels, is the variance of channels (analysis of variance
+with one random effect, pooled over recordings, negative estimates kept). The row `spread` is the
+square root of its median over the constants, in logarithms (`exponent`: plain; `friction`: relative
+to its median). Where the median is not positive, nothing can be separated. The result still
+contains the place of each sensor at the knee, and what the model lacks in both halves alike.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -167,15 +175,20 @@ def fit(
     return best[2:], predicted, slope
 
 
+def choose_channels(signals: Float, limit: int) -> list[int]:
+    """Return the channels that move, or the `limit` ones that move most."""
+    moving = [c for c in range(signals.shape[1]) if signals[:, c].std() > 1e-9]
+    if len(moving) > limit:
+        moving = sorted(moving, key=lambda c: -signals[:, c].std())[:limit]
+    return moving
+
+
 def fit_recording(folder: Path, limit: int) -> list[Float]:
     """Fit each channel, print its errors; return the constants of the hysteretic family."""
     time, targets, signals = read(folder)
     train = np.arange(len(time)) < TRAINED_SHARE * len(time)
     constants, errors = [], []
-    moving = [c for c in range(signals.shape[1]) if signals[train, c].std() > 1e-9]
-    if len(moving) > limit:
-        moving = sorted(moving, key=lambda c: -signals[train, c].std())[:limit]
-    for c in moving:
+    for c in choose_channels(signals[train], limit):
         signal = signals[:, c]
         u = excite(targets, signal, train)
         data = (time, u, signal, train)
@@ -199,14 +212,58 @@ def fit_recording(folder: Path, limit: int) -> list[Float]:
     return constants
 
 
-def print_constants(fitted: dict[str, list[Float]]) -> None:
-    """Print the medians of the constants, and the spread within recordings."""
+def fit_halves(folder: Path, limit: int) -> Float:
+    """Return the constants (c, 2, 12) of channels, fitted to halves of the training part."""
+    time, targets, signals = read(folder)
+    train = np.arange(len(time)) < TRAINED_SHARE * len(time)
+    first = np.arange(len(time)) < TRAINED_SHARE * len(time) / 2
+    constants = []
+    for c in choose_channels(signals[train], limit):
+        u = excite(targets, signals[:, c], train)
+        halves = [
+            fit(hysteretic, START, WIDTH, (time, u, signals[:, c], half))[0]
+            for half in (first, train & ~first)
+        ]
+        constants.append(halves)
+        print(f"{folder.name} {c}: both halves fitted", flush=True)
+    return np.array(constants)
+
+
+def separate_variances(recordings: Sequence[Float]) -> tuple[Float, Float]:
+    """Estimate the variance of channels and the variance within them, for each constant.
+
+    Args:
+        recordings: Constants (c, 2, k) of the channels of each recording, fitted twice.
+
+    Returns:
+        The variance (k,) of channels, which may be negative, and of the two fits of a channel (k,).
+    """
+    means = [fits.mean(axis=1) for fits in recordings]
+    freedom = sum(len(mean) - 1 for mean in means)
+    between = sum(((mean - mean.mean(axis=0)) ** 2).sum(axis=0) for mean in means) / freedom
+    within = np.concatenate([np.diff(fits, axis=1)[:, 0] ** 2 / 2 for fits in recordings]).mean(0)
+    return between - within / 2, within
+
+
+def print_constants(fitted: dict[str, list[Float]], halves: dict[str, Float]) -> None:
+    """Print the medians of the constants, and the spread of pieces without errors of fits."""
     everything = np.concatenate([np.array(rows) for rows in fitted.values()])
     within = np.concatenate([np.array(r) - np.median(r, axis=0) for r in fitted.values()])
     middle, spread = np.median(everything, axis=0), 1.4826 * np.median(np.abs(within), axis=0)
+    scale = np.ones(len(CONSTANTS))
+    scale[CONSTANTS.index("friction")] = abs(middle[CONSTANTS.index("friction")])
+    pieces, error = separate_variances([fits / scale for fits in halves.values()])
     for k, name in enumerate(CONSTANTS):
         value = middle[k] if k < 2 else np.exp(middle[k])
-        print(f"{name}: {value:.3g}, spread {spread[k]:.2g}")
+        print(
+            f"{name}: {value:.3g}; channels differ by {spread[k] / scale[k]:.2g}; variance of"
+            f" channels {pieces[k]:.3f}, within {error[k]:.3f}"
+        )
+    middle_variance = float(np.median(pieces))
+    text = f"{np.sqrt(middle_variance):.2g}" if middle_variance > 0 else "cannot be separated"
+    print(
+        f"spread of pieces: {text} (variance {middle_variance:.3f}, error {np.median(error):.3f})"
+    )
 
 
 def main() -> None:
@@ -217,15 +274,16 @@ def main() -> None:
     parser.add_argument("--constants", nargs="+", default=(), help="recordings to take them from")
     parser.add_argument("--channels", type=int, default=6, help="most channels of a recording")
     options = parser.parse_args()
-    fitted = {}
+    fitted, halves = {}, {}
     for folder in sorted(p for p in options.folder.iterdir() if p.is_dir()):
         if options.only and folder.name not in options.only:
             continue
         constants = fit_recording(folder, options.channels)
         if folder.name in options.constants:
             fitted[folder.name] = constants
+            halves[folder.name] = fit_halves(folder, options.channels)
     if fitted:
-        print_constants(fitted)
+        print_constants(fitted, halves)
 
 
 if __name__ == "__main__":

@@ -92,11 +92,14 @@ class UnseenStates:
         folds: Pairs of training and test states, by index.
         paths: States on the same loading path: their indices (k,) and how far along it they are
             (k,).
+        shares: How often a session shows each state (n,), for training and for testing; None to
+            train on all alike, and to test on the test states alone.
     """
 
     how: str
     folds: tuple[tuple[Int, Int], ...]
     paths: tuple[tuple[Int, Float], ...] = ()
+    shares: Float | None = None
 
     @property
     def tested(self) -> Int:

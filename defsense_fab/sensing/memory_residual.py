@@ -3,7 +3,8 @@
 A trained decoder removes part of the memory. The rest is an error of each signal. It changes as
 slowly as the movement, so averaging does not remove it, and it grows with the signal: its standard
 deviation is a share of the largest |(R - R0)/R0| over the states. `data/memory_residuals.csv`
-contains the shares with their spread over pieces of cord, their basis and their source.
+contains the shares with their spread over pieces of cord, their basis and their source;
+`data/cord_families.csv` which kind of memory a cord has, where that is known.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from ..core.storage.package_data import read_rows
 TRAINED, AFFINE = "trained", "affine"
 
 _TABLE = "memory_residuals.csv"
+_FAMILIES = "cord_families.csv"
 _SIMULATED = "simulated"
 _ONE, _SEVERAL = "one", "several"
 _ANY_CORD = "any"
@@ -48,6 +50,16 @@ class MemoryResidual:
         return np.asarray(np.maximum(self.median + score * spread, 0.0))
 
 
+def known_family(cord: str) -> str:
+    """Return the kind of memory that a cord has; empty if it is not known.
+
+    Args:
+        cord: Name of the cord, a row of `data/cord_families.csv`; others are not known.
+    """
+    row = read_rows(_FAMILIES).get(cord)
+    return "" if row is None else row["family"]
+
+
 def memory_residuals(cord: str, decoder: str, count: int) -> tuple[MemoryResidual, ...]:
     """Return the simulated residuals of a cord, one for each family of simulated memories.
 
@@ -74,3 +86,15 @@ def memory_residuals(cord: str, decoder: str, count: int) -> tuple[MemoryResidua
         MemoryResidual(row["family"], float(row["low"]), float(row["median"]), float(row["high"]))
         for row in chosen
     )
+
+
+def expected_residuals(cord: str, decoder: str, count: int) -> tuple[MemoryResidual, ...]:
+    """Return the residuals of the kind of memory that a cord has, or of all kinds.
+
+    Args:
+        cord: Name of the cord.
+        decoder: TRAINED or AFFINE.
+        count: Number of cords of the device.
+    """
+    residuals, family = memory_residuals(cord, decoder, count), known_family(cord)
+    return tuple(r for r in residuals if not family or r.family == family)

@@ -204,7 +204,8 @@ class BandRecord:
         median: Median RMSE by noise and tolerances alone, mm.
         low: Lower limit of the range of 90 % of the devices, mm.
         high: Upper limit of this range, mm.
-        trained: RMSE expected after training, with the memory of the cords.
+        trained: RMSE expected in a session after training, with the memory of the cords. The
+            median is of the cord's kind of memory if it is known; the range is always of all kinds.
         families: The same for each kind of memory.
         affine: The same with the paper's affine decoder, which has no memory.
         offset: Largest distance of a cord from its groove's axis, mm.
@@ -213,6 +214,9 @@ class BandRecord:
         ends: Standard deviation of a held cord's loose length between its ends, mm.
         compression: Largest share of its slope that a response may lack below zero strain.
         frames: Number of frames of the test.
+        family: The cord's kind of memory; empty if it is not known.
+        without_memory: Median RMSE in a session by noise and tolerances alone, mm; None if that of
+            unseen states is meant.
     """
 
     median: float
@@ -227,23 +231,45 @@ class BandRecord:
     ends: float
     compression: float
     frames: int
+    family: str = ""
+    without_memory: float | None = None
+
+    @property
+    def noise_part(self) -> float:
+        """RMSE (mm) that noise and tolerances cause of the one expected after training."""
+        return self.median if self.without_memory is None else self.without_memory
 
     def describe_trained(self) -> str:
         """Return the expected error as a sentence without its period."""
-        t = self.trained
+        t, cords = self.trained, _on_cords(self.family)
         return (
-            f"{t.median:.2f} mm expected after training ({t.low:.2f} to {t.high:.2f} in 90 of 100"
-            f" devices); {self.median:.2f} mm of it from noise and tolerances"
+            f"{t.median:.2f} mm expected after training{cords} ({t.low:.2f} to {t.high:.2f} in 90"
+            f" of 100 devices); {self.noise_part:.2f} mm of it from noise and tolerances"
         )
 
-    def compare_measured(self, measured: float) -> str:
-        """Return how a measured error (mm) compares with the expected one, as a sentence."""
-        t = self.trained
+    def compare_measured(self, measured: float, family: str = "") -> str:
+        """Return how a measured error compares with the expected one, as sentences.
+
+        Args:
+            measured: The measured RMSE, mm.
+            family: Kind of memory of the cords, of a twin's; empty if it is not known.
+        """
+        t, text = self.trained, self.describe_trained()
+        if family in self.families:
+            t = self.families[family]
+            text = (
+                f"{t.median:.2f} mm expected after training{_on_cords(family)} ({t.low:.2f} to"
+                f" {t.high:.2f} in 90 of 100 devices)"
+            )
         position = "inside" if t.low <= measured <= t.high else "outside"
         return (
-            f"By the design, {self.describe_trained()}. Measured: {measured:.2f} mm, {position}"
-            f" this range; expected / measured {t.median / measured:.2f}."
+            f"By the design, {text}. Measured: {measured:.2f} mm, {position} this range; expected /"
+            f" measured {t.median / measured:.2f}."
         )
+
+
+def _on_cords(family: str) -> str:
+    return f" on {family} cords" if family else ""
 
 
 @dataclass(frozen=True)

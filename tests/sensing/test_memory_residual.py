@@ -11,6 +11,8 @@ from defsense_fab.sensing.memory_residual import (
     AFFINE,
     TRAINED,
     MemoryResidual,
+    expected_residuals,
+    known_family,
     memory_residuals,
 )
 
@@ -21,6 +23,22 @@ def test_each_cord_has_residuals_of_both_families(cord, count):
     for decoder in (TRAINED, AFFINE):
         families = [r.family for r in memory_residuals(cord, decoder, count)]
         assert families == ["viscoelastic", "hysteretic"]
+
+
+@pytest.mark.parametrize("cord", [*read_rows("cord_families.csv"), "custom"])
+def test_a_cord_of_known_memory_has_residuals_of_it_alone(cord):
+    families = [r.family for r in expected_residuals(cord, TRAINED, 2)]
+    known = known_family(cord)
+    assert families == ([known] if known else ["viscoelastic", "hysteretic"])
+
+
+def test_cords_of_the_table_are_bound_to_families_with_a_source():
+    rows = read_rows("cord_families.csv")
+    assert set(read_rows("cords.csv")) <= set(rows)
+    for row in rows.values():
+        assert row["family"] in ("", "viscoelastic", "hysteretic")
+        assert bool(row["family"]) == (row["basis"] != "unknown")
+        assert row["source"]
 
 
 @pytest.mark.parametrize("count", [1, 2])

@@ -19,7 +19,10 @@ BAND = BandRecord(
     low=0.9,
     high=1.1,
     trained=ErrorRange(1.5, 1.0, 2.0),
-    families={"viscoelastic": ErrorRange(1.5, 1.0, 2.0)},
+    families={
+        "viscoelastic": ErrorRange(1.2, 1.0, 1.4),
+        "hysteretic": ErrorRange(1.7, 1.4, 2.0),
+    },
     affine=ErrorRange(3.0, 2.0, 4.0),
     offset=0.3,
     gauge=0.05,

@@ -33,6 +33,19 @@ def test_the_measured_error_is_compared_without_the_noise_of_cameras(result):
     assert text == BAND.compare_measured(evaluation.rmse_without_noise)
 
 
+@pytest.mark.parametrize("cords", ["viscoelastic", "hysteretic"])
+def test_a_twin_is_compared_with_the_error_expected_with_its_cords(result, cords, tmp_path):
+    (tmp_path / "quality.json").write_text(f'{{"twin": {{"twin": true, "cords": "{cords}"}}}}')
+    twin = replace(result, sessions=(str(tmp_path),))
+    measured = result.models[0].evaluation.rmse_without_noise
+    design = DesignPrediction(1.0, 0.1, 0.9, 1.1)
+    text = compare_with_design(with_design(twin, design), BUILD)
+    assert text == BAND.compare_measured(measured, cords)
+    assert cords in text
+    mixed = replace(twin, sessions=(str(tmp_path), "recorded"))
+    assert compare_with_design(with_design(mixed, design), BUILD) == BAND.compare_measured(measured)
+
+
 def test_a_model_of_another_layout_is_not_compared(result):
     assert compare_with_design(with_design(result, None), BUILD) == ""
     assert compare_with_design(result, BUILD) == ""

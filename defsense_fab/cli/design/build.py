@@ -150,14 +150,15 @@ def _print_layout(layout: LayoutRecord) -> None:
     table = Table(title=f"Predicted RMSE (mm), {best.decoder} decoder")
     for column in ("", "as proposed" if layout.proposed else "as drawn", "optimized"):
         table.add_column(column, justify="right" if column else "left")
-    table.add_row("built devices after training", "", f"[bold]{band.trained.median:.2f}[/bold]")
+    table.add_row("after training, in a session", "", f"[bold]{band.trained.median:.2f}[/bold]")
     table.add_row("  90 % of devices", "", f"{band.trained.low:.2f} to {band.trained.high:.2f}")
     for family, errors in band.families.items():
         limits = f"{errors.median:.2f} ({errors.low:.2f} to {errors.high:.2f})"
         table.add_row(f"  with {family} cords", "", limits)
+    table.add_row("  by noise and tolerances alone", "", f"{band.noise_part:.2f}")
     table.add_row("  with the affine decoder", "", f"{band.affine.median:.2f}")
-    table.add_row("  by noise and tolerances alone", "", f"{band.median:.2f}")
-    table.add_row("    90 % of devices", "", f"{band.low:.2f} to {band.high:.2f}")
+    table.add_row("by tolerances, unseen states", "", f"{band.median:.2f}")
+    table.add_row("  90 % of devices", "", f"{band.low:.2f} to {band.high:.2f}")
     table.add_row("as designed, unseen states", f"{initial.unseen:.3f}", f"{best.unseen:.3f}")
     if best.held_out:
         ranges = (_format_range(p.held_out.values()) for p in (initial, best))

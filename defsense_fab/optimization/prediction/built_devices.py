@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
 from ...core.arrays import Float
 from ...core.device.device import Device
 from ...sensing.built_cord import BuiltCord
-from ...sensing.memory_residual import AFFINE, TRAINED, MemoryResidual, memory_residuals
+from ...sensing.memory_residual import (
+    AFFINE,
+    TRAINED,
+    MemoryResidual,
+    known_family,
+    memory_residuals,
+)
 from ...store.layout import BandRecord, ErrorRange
 from ..studies.tolerance_monte_carlo import ToleranceBand, sample_errors
 from .design_task import SEED, DesignTask, device_tolerances
@@ -30,31 +36,40 @@ def tolerance_band(device: Device, task: DesignTask, cords: Sequence[BuiltCord])
 
 
 def predict_built_devices(
-    device: Device, task: DesignTask, cords: Sequence[BuiltCord]
+    device: Device, task: DesignTask, cords: Sequence[BuiltCord], shares: Float | None = None
 ) -> BandRecord:
     """Predict the errors of built devices: by tolerances alone, and after training.
 
-    Devices with each kind of memory are equally many.
+    Devices with each kind of memory are equally many. If the cord's kind is known, the median is
+    that of its devices; the range contains 90 % of all of them.
 
     Args:
         device: The device.
         task: Its design task.
         cords: The cords as built in.
+        shares: How often the session of the training shows each state (n,), rest included; None if
+            it shows the unseen states alone.
     """
     name, affine_task = device.cord.name, task.with_decoder(_AFFINE_DECODER)
     trained = {
-        r.family: _sample(device, task, cords, r)
+        r.family: _sample(device, task, cords, r, shares)
         for r in memory_residuals(name, TRAINED, len(cords))
     }
     affine = [
-        _sample(device, affine_task, cords, r) for r in memory_residuals(name, AFFINE, len(cords))
+        _sample(device, affine_task, cords, r, shares)
+        for r in memory_residuals(name, AFFINE, len(cords))
     ]
+    family, everything = known_family(name), _range(list(trained.values()))
+    if family:
+        everything = replace(everything, median=_range([trained[family]]).median)
     return BandRecord(
         **asdict(tolerance_band(device, task, cords)),
-        trained=_range(list(trained.values())),
+        trained=everything,
         families={family: _range([errors]) for family, errors in trained.items()},
         affine=_range(affine),
         **asdict(device_tolerances(device)),
+        family=family,
+        without_memory=ToleranceBand.of(_sample(device, task, cords, None, shares)).median,
     )
 
 
@@ -63,7 +78,11 @@ def _range(errors: Sequence[Float]) -> ErrorRange:
 
 
 def _sample(
-    device: Device, task: DesignTask, cords: Sequence[BuiltCord], memory: MemoryResidual | None
+    device: Device,
+    task: DesignTask,
+    cords: Sequence[BuiltCord],
+    memory: MemoryResidual | None,
+    shares: Float | None = None,
 ) -> Float:
     """Return the RMSE (d,) mm of the same built devices, with some memory of their cords."""
     return sample_errors(
@@ -71,7 +90,7 @@ def _sample(
         cords,
         task.reading,
         np.random.default_rng(SEED),
-        task.unseen,
+        replace(task.unseen, shares=shares),
         tolerances=device_tolerances(device),
         memory=memory,
     )

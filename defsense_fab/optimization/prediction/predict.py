@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,10 @@ from ...sensing.built_cord import BuiltCord
 from ...sensing.memory_residual import MemoryResidual
 from ...store.layout import Prediction
 from ..problem.problem import Problem
-from .design_task import DesignTask
+from ..studies.tolerance_monte_carlo import Tolerances, sample_errors
+from .design_task import SEED, DesignTask
+
+_EXACT = Tolerances(offset=0.0, gauge=0.0, amplitude=0.0, ends=0.0, compression=0.0)
 
 
 def left_out_error(task: DesignTask, cords: Sequence[BuiltCord]) -> float:
@@ -47,9 +50,12 @@ def read_cords(task: DesignTask, cords: Sequence[BuiltCord]) -> tuple[Float, Flo
 
 
 def trained_error(
-    task: DesignTask, cords: Sequence[BuiltCord], residuals: Sequence[MemoryResidual]
+    task: DesignTask,
+    cords: Sequence[BuiltCord],
+    residuals: Sequence[MemoryResidual],
+    shares: Float | None = None,
 ) -> float:
-    """Return the RMSE (mm) on unseen states that is expected after training, as designed.
+    """Return the RMSE (mm) that is expected after training, as designed.
 
     It is the geometric mean over what may be left of the cords' memory, each with its median.
 
@@ -57,7 +63,24 @@ def trained_error(
         task: The design task.
         cords: The cords as built in.
         residuals: What may be left of the memory.
+        shares: How often a session shows each state (n,); None for unseen states alone.
     """
+    if shares is not None:
+        unseen = replace(task.unseen, shares=shares)
+        errors = [
+            sample_errors(
+                task.everything,
+                cords,
+                task.reading,
+                np.random.default_rng(SEED),
+                unseen,
+                1,
+                _EXACT,
+                replace(r, low=r.median, high=r.median),
+            )[0]
+            for r in residuals
+        ]
+        return float(np.exp(np.mean(np.log(errors))))
     signals, noise = read_cords(task, cords)
     problem, largest = task.everything, np.abs(signals).max(axis=0)
     flat = problem.markers.reshape(len(problem.markers), -1)

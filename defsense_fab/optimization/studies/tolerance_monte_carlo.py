@@ -27,6 +27,7 @@ from ..problem.problem import Problem, reduce_outputs
 _WANDER_KNOTS = 5  # points along a path between which a cord wanders in its groove
 _STRAIGHT_RTOL = 1e-6  # of its length, by which a straight path may leave its line
 _MEMORY_SEED = 54
+_SESSION_ROWS = 40  # training rows that a session's states are repeated in
 _MIN_LOOSE_LENGTH_MM = 1.0  # of a held cord between its ends
 
 
@@ -167,8 +168,10 @@ def sample_device(
     rest = problem.markers[:1]
     scaled = np.concatenate([rest, rest + np.tensordot(mixing, problem.markers[1:] - rest, 1)])
     outputs = reduce_outputs(scaled, problem.marker_weights)
-    picks = np.sort(rng.integers(len(unseen.tested), size=tolerances.frames))
-    states = unseen.tested[picks]
+    if unseen.shares is None:
+        states = unseen.tested[np.sort(rng.integers(len(unseen.tested), size=tolerances.frames))]
+    else:
+        states = np.sort(rng.choice(len(signals), tolerances.frames, p=unseen.shares))
     readings = signals[states] + noise * rng.normal(0, 1, (tolerances.frames, len(cords)))
     return SampledDevice(signals, outputs, noise, states, readings)
 
@@ -178,14 +181,22 @@ def _test_device(
 ) -> tuple[float, list[AnyDecoder]]:
     """Return the RMSE (mm) of a device, and its decoders, one for each fold.
 
+    States that no fold tests are tested by the decoder of the first.
     Decoders of a similar device (`like`) are the start, see `fit_decoder`.
     """
     square, decoders = 0.0, []
     signals, outputs, states = device.signals, device.outputs, device.states
     for k, (train, test) in enumerate(unseen.folds):
         start = like[k] if like else None
-        decoders.append(fit_decoder(kind, signals[train], outputs[train], device.noise, start))
+        rows = train
         in_fold = np.isin(states, test)
+        if unseen.shares is not None:
+            repeats = np.round(_SESSION_ROWS * unseen.shares[train]).astype(int)
+            rows = np.repeat(train, np.maximum(repeats, 1))
+            in_fold |= (k == 0) & ~np.isin(states, unseen.tested)
+        decoders.append(fit_decoder(kind, signals[rows], outputs[rows], device.noise, start))
+        if not in_fold.any():
+            continue
         predicted = decoders[-1](device.readings[in_fold])
         square += float(((predicted - outputs[states[in_fold]]) ** 2).sum())
     return float(np.sqrt(square / len(states))), decoders

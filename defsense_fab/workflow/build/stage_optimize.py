@@ -44,6 +44,7 @@ from ...store.layout import (
     save_layout,
     save_weighed,
 )
+from ..design.session_shares import session_shares
 from .stages import Report, SearchProgress, Watch
 
 # The fewer the cords, the less time a search takes, and the more its random choices matter.
@@ -200,7 +201,7 @@ def _layout_record(
         prediction=final.prediction,
         unseen={kind: p.unseen for kind, p in predicted.items()},
         cross_validated={k: left_out_error(t, final.cords) for k, t in decoded.items()},
-        band=predict_built_devices(device, task, final.cords),
+        band=predict_built_devices(device, task, final.cords, session_shares(device, task.weights)),
         initial=initial.prediction,
         drawn=tuple(sample_path(s) for s in layout.initial),
         proposed=device.propose > 0,

@@ -19,7 +19,7 @@ from ...core.progress import Progress
 from ...core.progress import Report as Report
 from ...core.storage.files import digest
 from ...geometry.bodies.meshing import mesh_store
-from ...sensing.memory_residual import AFFINE, TRAINED, memory_residuals
+from ...sensing.memory_residual import AFFINE, TRAINED, known_family, memory_residuals
 from . import body_sources
 
 if TYPE_CHECKING:
@@ -180,6 +180,7 @@ def _optimize_inputs(d: Device) -> Any:
             _layout_inputs(d.fabrication),
             None if silicone is None else silicone.shrinkage,
             [memory_residuals(d.cord.name, k, n) for k in (TRAINED, AFFINE) for n in (1, 2)],
+            known_family(d.cord.name),
             *(() if has_default_search else (d.seed, d.searches)),
         )
     )

@@ -25,8 +25,9 @@ from ...optimization.prediction.predict import (
 from ...optimization.refinement.refine import optimize_layout
 from ...optimization.search.baselines import middle_plane
 from ...optimization.search.starting_layouts import LayoutSearch
-from ...sensing.memory_residual import TRAINED, memory_residuals
+from ...sensing.memory_residual import TRAINED, expected_residuals
 from ...store.build import Build
+from .session_shares import session_shares
 
 _STRAIGHT_END_MM = 8.0  # of a new path
 _INNER_POINTS = 4  # control points between the straight ends
@@ -101,6 +102,7 @@ class LayoutJudge:
         self._task: DesignTask = load_task(device, build)
         self._largest_states = _largest_states(self._task.weights)
         self._cord = device.cord.name
+        self._shares = session_shares(device, self._task.weights)
         kinds = candidate_decoders(device, self._task)
         self._tasks = {kind: self._task.with_decoder(kind) for kind in kinds}
         self.surface = build.surface
@@ -142,7 +144,7 @@ class LayoutJudge:
                 code="not-finite",
                 action="Check that they lie inside the body",
             )
-        residuals = memory_residuals(self._cord, TRAINED, len(cords))
+        residuals = expected_residuals(self._cord, TRAINED, len(cords))
         errors, names = {**p.per_state, **p.held_out}, self._task.names
         largest = {pose: k for pose, k in self._largest_states.items() if names[k] in errors}
         return JudgedLayout(
@@ -151,7 +153,7 @@ class LayoutJudge:
             {pose: errors[names[k]] for pose, k in largest.items()},
             {pose: best.signals[k] for pose, k in largest.items()},
             best.signals,
-            None if quick else trained_error(task, cords, residuals),
+            None if quick else trained_error(task, cords, residuals, self._shares),
         )
 
     def compare(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ...capture.sessions.results import QUALITY
 from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import TrainingError
@@ -121,7 +123,8 @@ def evaluate(
 def compare_with_design(result: SessionEvaluation, build: Build) -> str:
     """Return how the first model's error compares with the one expected after training.
 
-    The noise of the cameras is not part of it.
+    The noise of the cameras is not part of it. Sessions of a twin are compared with the error that
+    is expected with its family of cords.
 
     Args:
         result: The evaluation.
@@ -136,7 +139,19 @@ def compare_with_design(result: SessionEvaluation, build: Build) -> str:
     evaluation = first.evaluation
     without_noise = evaluation.rmse_without_noise
     measured = evaluation.total.rmse if without_noise is None else without_noise
-    return build.layout.band.compare_measured(measured) if measured > 0 else ""
+    if not measured > 0:
+        return ""
+    return build.layout.band.compare_measured(measured, _twin_family(result.sessions))
+
+
+def _twin_family(sessions: Sequence[str]) -> str:
+    """Return the family of the cords of a twin's sessions; empty of others or of several."""
+    families = set()
+    for session in sessions:
+        path = Path(session) / QUALITY
+        twin = json.loads(path.read_text(encoding="utf-8")).get("twin") if path.is_file() else None
+        families.add(str(twin["cords"]) if isinstance(twin, dict) and "cords" in twin else "")
+    return families.pop() if len(families) == 1 else ""
 
 
 def evaluate_files(

@@ -141,6 +141,20 @@ def test_memory_of_cords_raises_the_errors_of_the_same_devices(problem, straight
     assert without.median < small.median < large.median
 
 
+def test_a_session_that_is_mostly_at_rest_has_a_smaller_error(problem, straight):
+    layout = random_layout(straight, np.random.default_rng(1))
+    states = every(problem)
+    count = len(problem.markers)
+
+    def error(rest):
+        shares = np.full(count, (1 - rest) / (count - 1))
+        shares[0] = rest
+        unseen = replace(states, shares=shares)
+        return band_of(problem, layout, np.random.default_rng(2), unseen, draws=30).median
+
+    assert error(0.9) < error(0.5) < error(0.1)
+
+
 @pytest.mark.parametrize("length", [40.0, 150.0])
 def test_lengths_of_cords_are_wrong_by_millimeters(length):
     path = np.linspace([0.0, 0.0, 0.0], [length, 0.0, 0.0], 50)
