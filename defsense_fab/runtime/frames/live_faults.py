@@ -173,7 +173,9 @@ class SwapWatch:
         count = len(model.channels)
         self.pair: tuple[int, int] | None = None
         self._pairs = list(combinations(range(count), 2))
-        self._orders = [list(range(count)), *(_swapped_order(count, pair) for pair in self._pairs)]
+        self._orders = np.array(
+            [list(range(count)), *(_swapped_order(count, pair) for pair in self._pairs)]
+        )
         # The range of signals alone: after a swap, memories are wrong for a long time in all
         # orders but one.
         self._model, self._range = model, model.main.range.for_signals()
@@ -206,9 +208,7 @@ class SwapWatch:
             return
         dt = time - self._last_time if np.isfinite(self._last_time) else 0.0
         self._last_time = time
-        signals = np.array(
-            [self._model.correct(relative_change(ohms[o], rest)) for o in self._orders]
-        )
+        signals = self._model.correct(relative_change(ohms[self._orders], rest))
         log_distance = np.log(np.maximum(self._range.distance(signals), 1e-6))
         if not np.isfinite(self._averaged_since):
             self._averaged_since, self._mean_log_distance = time, log_distance
