@@ -325,6 +325,8 @@ class LayoutRecord:
         starts: RMSE of the searches' starting layouts, mm.
         seed: Seed of the searches.
         warned_cords: Name of the cord that a warning is about, by the warning.
+        continued: "kept" or "improved" if the layout of an earlier build was, without a search;
+            empty after a search.
     """
 
     SCHEMA: ClassVar[int] = 6
@@ -347,6 +349,7 @@ class LayoutRecord:
     starts: tuple[float, ...]
     seed: int
     warned_cords: Mapping[str, str] = field(default_factory=dict)
+    continued: str = ""
 
     @property
     def middles(self) -> dict[str, Float]:

@@ -1,4 +1,4 @@
-"""Keep each solved job until its whole solve is stored, so that an interrupted solve resumes."""
+"""Keep solved jobs in the cache, so that an interrupted solve resumes, and an edit solves less."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .load_stepping import Equilibrium, SolveStatistics, Status
 
 #: Raised when the files change.
 _FILE_VERSION = 1
-#: Size of the files of all interrupted solves; the oldest are deleted.
+#: Size of all files; the oldest are deleted.
 MAX_KEPT_BYTES = 500_000_000
 _UNREADABLE = (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile)
 
@@ -95,7 +95,7 @@ class SolvedJobs:
         remaining = [i for i, result in enumerate(results) if not result]
         solved = len(jobs) - len(remaining)
         if solved and self._report is not None:
-            self._report(f"resuming: {solved} of {len(jobs)} paths were solved before")
+            self._report(f"{solved} of {len(jobs)} paths were solved before")
         if on_step is not None:
             for i in set(range(len(jobs))) - set(remaining):
                 on_step(i, 1.0)

@@ -156,6 +156,48 @@ def optimize_layout(
     return OptimizedLayout(best.layout, *best.rank[::-1], tuple(errors), initial or best.layout)
 
 
+def improve_layout(
+    problem: Problem,
+    sensors: Layout,
+    report: Report,
+    *,
+    planes: int | None = None,
+    watch: LayoutCallback | None = None,
+    follow: LayoutCallback | None = None,
+) -> OptimizedLayout:
+    """Improve a layout from where it is, without candidates.
+
+    Args:
+        problem: The problem.
+        sensors: The layout, which may break limits.
+        report: Called with the share of the work done and a description; may raise Cancelled.
+        planes: Largest number of distinct planes; None for no limit.
+        watch: Called with each new best layout; may raise Cancelled.
+        follow: Called with the layout after each step, whatever limits it breaks; may raise
+            Cancelled.
+
+    Returns:
+        The layout; its starts are the error of the descent.
+
+    Raises:
+        LayoutError: The layout and those near it break a limit.
+    """
+    best, error = _Best(problem, watch, planes), float("nan")
+    unchanged = evaluate_unchanged(problem, sensors)
+    if unchanged is not None:
+        best.offer(sensors, trusted=True)
+    try:
+        show = partial(_report_value, report, "descent")
+        error = _finish(problem, sensors, best, show, follow)
+        report(1.0, f"best {best.rank[1]:.3g} mm")
+    except Cancelled:
+        if not best.layout:
+            raise
+    if not best.layout:
+        raise no_room_error(problem, len(sensors))
+    return OptimizedLayout(best.layout, *best.rank[::-1], (error,), sensors)
+
+
 def jitter(layout: Layout, rng: np.random.Generator, *, tied: bool) -> Layout:
     """Move a layout slightly at random, because symmetric drawings are saddle points.
 

@@ -22,9 +22,10 @@ from ...core.errors import DefsenseError, StorageError
 from ...core.progress import Progress, silent
 from ...core.storage.files import file_lock, storage_errors, write_json
 from ...store.build import Build
-from ...store.layout import LAYOUT, name_layout
+from ...store.layout import LAYOUT, load_layout, name_layout
 from . import body_sources
 from .cluster import cluster_solver
+from .continued_layout import ASPECTS, find_earlier_layout, layout_aspects
 from .options import BuildOptions
 from .recorded_options import plates_record, recorded_options
 from .stage_files import (
@@ -42,6 +43,7 @@ from .stages import PLATES, STAGES, Stage, StageKeys, Watch, installed_versions
 LOCK = ".build-lock"
 Freshness = Literal["current", "old", "missing"]
 _NO_OPTIONS = BuildOptions()
+_OPTIMIZE = "optimize"
 #: Summary of a build by the files of its folder.
 _SUMMARY_FILES = {
     "body": "body/body.json",
@@ -120,12 +122,12 @@ def build(
             plan.update_options(final)
             return BuildResult(final, (), tuple(s.name for s in stages), Build(final))
         working.mkdir()
-        extra: dict[str, dict[str, Any]] = {}
+        extra: dict[str, dict[str, Any]] = {"optimize": {}}
         if options.scheduler is not None:
             solve = cluster_solver(options.scheduler, partial(progress, "simulate", 0.0))
             extra["simulate"] = {"solve": solve}
         if watch is not None:
-            extra["optimize"] = {"watch": watch}
+            extra["optimize"]["watch"] = watch
         results = Build(working)
         try:
             made, reused = plan.run(results, (final, kept), progress, extra)
@@ -159,6 +161,8 @@ class _Plan:
         """Whether a folder has a stage's complete result for the body in `body` (the folder)."""
         if complete_key(folder, stage) != self.keys.of(body or folder)[stage.name]:
             return False
+        if stage.name == _OPTIMIZE and self.options.search and load_layout(folder).continued:
+            return False
         return stage is not STAGES[0] or body_sources.is_unchanged(self.device, folder)
 
     def run(
@@ -187,17 +191,22 @@ class _Plan:
                 reused.append(stage.name)
             elif stage in self.stages:
                 progress(stage.name, 0.0, stage.title)
-                more = extra.get(stage.name, {})
+                more = dict(extra.get(stage.name, {}))
+                if stage.name == _OPTIMIZE and not self.options.search:
+                    keys = self.keys.of(results.folder)
+                    more["earlier"] = find_earlier_layout(self.device, keys, earlier)
                 winner = stage.run(self.device, results, progress, **more)
-                if stage.name == "optimize" and PLATES not in extra:
+                if stage.name == _OPTIMIZE and PLATES not in extra:
                     extra[PLATES] = {"winner": winner}
                 progress(stage.name, 1.0, "done")
                 made.append(stage.name)
             else:
                 continue
-            key = self.keys.of(results.folder)[stage.name]
-            files = file_sizes(results.folder, stage)
+            keys = self.keys.of(results.folder)
+            key, files = keys[stage.name], file_sizes(results.folder, stage)
             record = plates_record(stage.name, self._original, self.options)
+            if stage.name == _OPTIMIZE:
+                record[ASPECTS] = layout_aspects(self.device, keys)
             save_stage_record(results.folder, stage, {"key": key, "files": files} | record)
         return made, reused
 

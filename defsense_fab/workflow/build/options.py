@@ -25,11 +25,14 @@ class BuildOptions:
             (default: [fabrication] bed).
         scheduler: Solve the poses on a Dask cluster with this scheduler address, such as
             tcp://HOST:8786 (default: solve them on this machine).
+        search: Search for the cords anew, where an earlier layout was kept or improved after an
+            edit (default: continue from it).
     """
 
     copies: Copies | None = None
     bed: tuple[BedSize, BedSize, BedSize] | None = None
     scheduler: str | None = None
+    search: bool = False
 
     def __post_init__(self) -> None:
         check_options(self)

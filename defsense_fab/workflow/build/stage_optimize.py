@@ -25,6 +25,7 @@ from ...optimization.prediction.predict import ScoredLayout, left_out_error, pre
 from ...optimization.refinement.refine import (
     OptimizedLayout,
     evaluate_unchanged,
+    improve_layout,
     optimize_layout,
 )
 from ...optimization.search.plane_directions import face_directions
@@ -45,6 +46,7 @@ from ...store.layout import (
     save_weighed,
 )
 from ..design.session_shares import session_shares
+from .continued_layout import EarlierLayout
 from .stages import Report, SearchProgress, Watch
 
 # The fewer the cords, the less time a search takes, and the more its random choices matter.
@@ -69,7 +71,13 @@ class Winner:
     task: DesignTask
 
 
-def run(device: Device, build: Build, report: Report, watch: Watch | None = None) -> Winner | None:
+def run(
+    device: Device,
+    build: Build,
+    report: Report,
+    watch: Watch | None = None,
+    earlier: EarlierLayout | None = None,
+) -> Winner | None:
     """Find the layout, and save it with its prediction.
 
     Args:
@@ -77,6 +85,7 @@ def run(device: Device, build: Build, report: Report, watch: Watch | None = None
         build: Results of the earlier stages.
         report: Receives the completed fraction and a message.
         watch: Receives the layouts that the searches reach.
+        earlier: A layout to continue from; None to search.
 
     Returns:
         The parts of the chosen layout; None if no layout can be made.
@@ -85,19 +94,27 @@ def run(device: Device, build: Build, report: Report, watch: Watch | None = None
         LayoutError: No layout keeps the limits.
     """
     observer = _SearchObserver(build.folder, watch)
-    task, first = _search_decoders(
-        device, load_task(device, build), subrange(report, 0.0, 0.4), observer
-    )
-    candidates = _search_alternatives(device, task, first, subrange(report, 0.4, 0.8), observer)
-    chosen, trials = choose_layout(
-        device,
-        task,
-        [as_stored(c) for c in candidates],
-        build.surface,
-        build.body.bay,
-        subrange(report, 0.8, 1.0),
-    )
-    build.layout = _layout_record(device, build, task, chosen, trials)
+    task = load_task(device, build)
+
+    def choose(
+        task: DesignTask, found: Sequence[OptimizedLayout]
+    ) -> tuple[Trial, tuple[Trial, ...]]:
+        stored, show = [as_stored(c) for c in found], subrange(report, 0.8, 1.0)
+        return choose_layout(device, task, stored, build.surface, build.body.bay, show)
+
+    how, trials = "", None
+    if earlier is not None:
+        start = task.with_decoder(earlier.decoder)
+        how, continued = _continue(device, start, earlier, subrange(report, 0.0, 0.8), observer)
+        if continued is not None:
+            chosen, trials = choose(start, [continued])
+            task, trials = (task, None) if chosen.problem else (start, trials)
+    if trials is None:
+        how = ""
+        task, first = _search_decoders(device, task, subrange(report, 0.0, 0.4), observer)
+        found = _search_alternatives(device, task, first, subrange(report, 0.4, 0.8), observer)
+        chosen, trials = choose(task, found)
+    build.layout = replace(_layout_record(device, build, task, chosen, trials), continued=how)
     build.prediction = PredictionRecord(
         task.points,
         task.names,
@@ -113,6 +130,39 @@ def run(device: Device, build: Build, report: Report, watch: Watch | None = None
     if chosen.part_set is None or chosen.as_built is None:
         return None
     return Winner(chosen.as_built, chosen.relief_notes, chosen.part_set, task)
+
+
+def _continue(
+    device: Device,
+    task: DesignTask,
+    earlier: EarlierLayout,
+    report: Report,
+    observer: _SearchObserver,
+) -> tuple[str, OptimizedLayout | None]:
+    """Keep an earlier layout, or improve it.
+
+    Returns:
+        How the layout came about, as in `LayoutRecord.continued`, and the layout; None if it breaks
+        limits that descents from it cannot keep.
+    """
+    drawn = None if device.propose else device.sensors
+    if earlier.is_current:
+        kept = evaluate_unchanged(task.design, earlier.sensors)
+        if kept is not None:
+            report(1.0, "the layout still keeps all limits")
+            return "kept", replace(kept, initial=drawn or kept.initial)
+    try:
+        improved = improve_layout(
+            task.design,
+            earlier.sensors,
+            report,
+            planes=device.planes,
+            watch=observer.kept,
+            follow=observer.passed,
+        )
+    except LayoutError:
+        return "", None
+    return "improved", replace(improved, initial=drawn or improved.initial)
 
 
 def require_feasible_layout(device: Device, layout: LayoutRecord) -> None:

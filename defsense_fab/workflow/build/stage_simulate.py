@@ -16,7 +16,7 @@ from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.solver.batch import Solve, solve_all
 from ...mechanics.solver.linear_solver import solver_name
 from ...mechanics.solver.load_stepping import Equilibrium
-from ...mechanics.solver.solved_jobs import keep_solved_jobs
+from ...mechanics.solver.solved_jobs import SolvedJobs
 from ...store.build import Build
 from ...store.fields import (
     FOLDER,
@@ -65,9 +65,9 @@ def run(device: Device, build: Build, report: Report, solve: Solve = solve_all) 
             " unreliable. Use another [mesh] edge_length, or repair thin folds of the body"
         )
     on_step = _progress_of_jobs(plan, report)
-    with keep_solved_jobs(("simulate", CODE_VERSION), partial(report, 0.0)) as kept:
-        solutions = kept.solve(solve, mesh, material, jobs, on_step)
-        _save_fields(device, build, list(zip(plan, solutions, strict=True)), warnings)
+    kept = SolvedJobs(("simulate", CODE_VERSION), partial(report, 0.0))
+    solutions = kept.solve(solve, mesh, material, jobs, on_step)
+    _save_fields(device, build, list(zip(plan, solutions, strict=True)), warnings)
 
 
 def _save_fields(

@@ -20,6 +20,7 @@ from ...core.progress import Report as Report
 from ...core.storage.files import digest
 from ...geometry.bodies.meshing import mesh_store
 from ...sensing.memory_residual import AFFINE, TRAINED, known_family, memory_residuals
+from ...store.layout import LAYOUT
 from . import body_sources
 
 if TYPE_CHECKING:
@@ -79,8 +80,8 @@ class Stage:
             device: The device.
             build: Results of the earlier stages, in the folder that this build works in.
             progress: Receives the stage's name, the completed fraction and a message.
-            extra: Further arguments of the stage's `run`: `solve` of "simulate", `watch` of
-                "optimize", `winner` of "fabricate".
+            extra: Further arguments of the stage's `run`: `solve` of "simulate", `watch` and
+                `earlier` of "optimize", `winner` of "fabricate".
 
         Returns:
             What the stage's `run` returns: of "optimize" the parts of the chosen layout.
@@ -164,26 +165,28 @@ def _silicone(d: Device) -> Silicone | None:
     return find_silicone(d.material.name) if d.fabrication.kind == "cast" else None
 
 
-def _optimize_inputs(d: Device) -> Any:
+def layout_parts(d: Device) -> tuple[Any, Any]:
+    """Return what a layout depends on besides mesh, states and drawn cords, in plain values.
+
+    Returns:
+        What it is designed for, and the fabrication, which sets its limits.
+    """
     silicone = _silicone(d)
     has_default_search = d.seed == Device.seed and d.searches is None
-    return plain(
-        (
-            d.cord,
-            d.outputs,
-            d.sensors,
-            d.propose,
-            d.planes,
-            d.decoder,
-            d.prefer,
-            d.converter,
-            _layout_inputs(d.fabrication),
-            None if silicone is None else silicone.shrinkage,
-            [memory_residuals(d.cord.name, k, n) for k in (TRAINED, AFFINE) for n in (1, 2)],
-            known_family(d.cord.name),
-            *(() if has_default_search else (d.seed, d.searches)),
-        )
+    design = (
+        d.cord,
+        d.outputs,
+        d.propose,
+        d.planes,
+        d.decoder,
+        d.prefer,
+        d.converter,
+        [memory_residuals(d.cord.name, k, n) for k in (TRAINED, AFFINE) for n in (1, 2)],
+        known_family(d.cord.name),
+        *(() if has_default_search else (d.seed, d.searches)),
     )
+    shrinkage = None if silicone is None else silicone.shrinkage
+    return plain(design), plain((_layout_inputs(d.fabrication), shrinkage))
 
 
 _COARSER = "use a larger [mesh] edge_length in device.toml"
@@ -217,7 +220,7 @@ STAGES = (
         "optimize",
         "optimize the cords",
         ("layout.json", "prediction.json", "layouts.json"),
-        _optimize_inputs,
+        lambda d: (*layout_parts(d), plain(d.sensors)),
         ("daqp", "libigl"),  # NumPy, SciPy and numba count by the key of the stage before
         _COARSER,
     ),
@@ -265,16 +268,22 @@ class StageKeys:
         """
         sources = body_sources.load_sources(folder)
         # `device.mesh` may be written by the stage of the mesh.
-        cached = json.dumps([sources, mesh_store.file_digest(self._device.source)])
+        locked = mesh_store.file_digest(self._device.source)
+        # Layouts of the same input differ if one continues from an earlier layout.
+        path = folder / LAYOUT
+        layout = digest(path) if path.exists() else None
+        cached = json.dumps([sources, locked, layout])
         if cached not in self._cache:
-            self._cache[cached] = self._compute(sources)
+            self._cache[cached] = self._compute(sources, layout)
         return self._cache[cached]
 
-    def _compute(self, sources: body_sources.Sources | None) -> dict[str, str]:
+    def _compute(self, sources: body_sources.Sources | None, layout: str | None) -> dict[str, str]:
         keys: dict[str, str] = {}
         key = digest(CODE_VERSION, sources)
         for stage in STAGES:
-            key = digest(key, stage.name, stage.inputs(self._device), self._versions[stage.name])
+            after = (layout,) if stage.name == PLATES else ()
+            inputs = stage.inputs(self._device)
+            key = digest(key, stage.name, inputs, self._versions[stage.name], *after)
             keys[stage.name] = key
         return keys
 

@@ -1,0 +1,97 @@
+"""Continue from the layout of an earlier build, if an edit leaves most of it valid.
+
+A search for cords takes most of a build. After a change of the fabrication the layout stays if it
+still keeps all limits; after a change of a drawn cord or of the poses it is improved from where it
+is. Any other change searches anew, and so does `defsense build --search`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ...core.device.device import Device, Sensor
+from ...core.errors import DefsenseError
+from ...core.storage.files import digest
+from ...store.layout import load_layout
+from .stage_files import complete_key, load_state
+from .stages import STAGES, layout_parts, plain
+
+ASPECTS = "aspects"
+_OPTIMIZE = next(s for s in STAGES if s.name == "optimize")
+_FREE = frozenset({"path", "plane"})  # of proposed cords
+
+
+@dataclass(frozen=True)
+class EarlierLayout:
+    """The layout of an earlier build on the same mesh, with the same cords, limits aside.
+
+    Attributes:
+        sensors: Its cords, those whose drawing has changed as they are drawn now.
+        decoder: Name of its decoder.
+        is_current: Whether only the fabrication has changed since.
+    """
+
+    sensors: tuple[Sensor, ...]
+    decoder: str
+    is_current: bool
+
+
+def layout_aspects(device: Device, keys: Mapping[str, str]) -> dict[str, Any]:
+    """Return what a layout depends on, hashed in groups, as `state.json` records it.
+
+    Args:
+        device: The device.
+        keys: Keys of its stages.
+    """
+    design, fabrication = layout_parts(device)
+    return {
+        "mesh": keys["mesh"],
+        "states": keys["simulate"],
+        "design": digest(design),
+        "fabrication": digest(fabrication),
+        "cords": {s.name: digest(plain(s)) for s in device.sensors},
+    }
+
+
+def find_earlier_layout(
+    device: Device, keys: Mapping[str, str], folders: Sequence[Path]
+) -> EarlierLayout | None:
+    """Return the layout of the first of some builds that this one can continue from.
+
+    Args:
+        device: The device.
+        keys: Keys of its stages.
+        folders: Folders of earlier builds.
+
+    Returns:
+        The layout; None if there is none.
+    """
+    now = layout_aspects(device, keys)
+    for folder in folders:
+        then = load_state(folder).get(_OPTIMIZE.name, {}).get(ASPECTS)
+        if then is None or complete_key(folder, _OPTIMIZE) is None:
+            continue
+        if any(then[name] != now[name] for name in ("mesh", "design")):
+            continue
+        if then["cords"].keys() != now["cords"].keys():
+            continue
+        try:
+            layout = load_layout(folder)
+        except DefsenseError:
+            continue
+        drawn = {s.name: s for s in device.sensors}
+        is_drawn_anew = {n for n, key in now["cords"].items() if key != then["cords"][n]}
+        cords = [
+            drawn[record.name]
+            if record.name in is_drawn_anew
+            else replace(record.sensor(), free=drawn[record.name].free)
+            if record.name in drawn
+            else replace(record.sensor(), free=_FREE)
+            for record in layout.sensors
+        ]
+        is_current = then["states"] == now["states"] and not is_drawn_anew
+        return EarlierLayout(tuple(cords), layout.prediction.decoder, is_current)
+    return None
