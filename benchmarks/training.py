@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -261,8 +262,8 @@ def routine(r: Recording, model: TrainedModel, rounds: int, seconds: float = 9.0
     """Return a recalibration recording: rounds of up to three poses and a rest, a few seconds each.
 
     It starts after half a minute of movement, and ends before the frames that are tested. Of each
-    pose the samples with the largest movement are taken, because the simulated hand often stops
-    before the full pose.
+    pose the repetitions that go farthest are taken, because the simulated hand often stops before
+    the full pose, and of these the last seconds, in which it has left the previous pose.
     """
     parts, marks, at = [], [], 0.0
     end = r.time[_first_tested(r)]
@@ -272,18 +273,19 @@ def routine(r: Recording, model: TrainedModel, rounds: int, seconds: float = 9.0
         if r.sample_time[s.start] > 30 and r.sample_time[s.stop - 1] < end
     ]
     poses = [n for n in model.poses if any(n == name for name, _ in warm)][:3]
-    by_name = {
-        name: sorted((s for n, s in warm if n == name), key=lambda s: -_reach(r, s))[:rounds]
-        for name in (*poses, "rest")
-    }
+    by_name = {}
+    for name in (*poses, "rest"):
+        shown = [_last_seconds(r, s, seconds) for n, s in warm if n == name]
+        if name != "rest":
+            shown.sort(key=partial(_reach, r, np.asarray(model.poses[name])), reverse=True)
+        by_name[name] = shown[:rounds]
     for k in range(rounds):
         for name, each in by_name.items():
             if k >= len(each):
                 continue
             time = r.sample_time[each[k]]
-            keep = np.flatnonzero(time < time[0] + seconds) + each[k].start
             marks.append((at, name))
-            parts.append((r.sample_time[keep] - time[0] + at, r.ohm[keep]))
+            parts.append((time - time[0] + at, r.ohm[each[k]]))
             at += seconds + 0.1
     none = np.zeros((0, *r.points.shape[1:]))
     return replace(
@@ -302,13 +304,19 @@ def _first_tested(r: Recording) -> int:
     return round((1 - _TEST) * len(r.time))
 
 
-def _reach(r: Recording, samples: slice) -> float:
-    """Return the largest RMS distance (mm) of markers from their mean positions in some samples."""
-    begin, end = r.sample_time[samples][[0, -1]]
-    within = (r.time >= begin) & (r.time <= end)
-    distance = r.points[within] - np.nanmean(r.points[: _first_tested(r)], axis=0)
-    with np.errstate(all="ignore"):
-        return float(np.nanmax(np.nanmean((distance**2).sum(2), axis=1), initial=0.0))
+def _last_seconds(r: Recording, samples: slice, seconds: float) -> slice:
+    """Return the part of some samples that is in their last seconds."""
+    start = np.searchsorted(r.sample_time, r.sample_time[samples.stop - 1] - seconds)
+    return slice(max(samples.start, int(start)), samples.stop)
+
+
+def _reach(r: Recording, expected: Float, samples: slice) -> float:
+    """Return how far the signals of a pose go, in units of those expected.
+
+    The first second is left out, in which the hand still leaves the previous pose.
+    """
+    late = r.sample_time[samples] > r.sample_time[samples.start] + 1
+    return float(np.nanmax(r.signals[samples][late] @ expected) / (expected @ expected))
 
 
 def main() -> None:
