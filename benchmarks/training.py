@@ -17,14 +17,18 @@ The output shows for each seed:
 
 `--few` trains on less data: none but the simulation, 60 frames of the first minute, 5 minutes; each
 with and without the simulation, by RMSE on the same last 30 %. `--later` decodes a session of the
-same unit 20 hours later: as it is, after a recalibration by one and by three rounds of three poses,
-and with the gain of each cord changed by a fifth. `--cords` chooses the family of the twin's cords.
+same unit 20 hours later: as it is, and with the gain of each cord changed by a fifth. Its last 30 %
+are decoded after a recalibration by one and by three rounds of three poses of the frames before,
+too. `--units` decodes the last 30 % of the first session by models of other units: of one (seeds +
+1) and of two (and seeds + 2), trained on the first 70 % of each, as they are and after a routine of
+20 seconds. `--cords` chooses the family of the twin's cords.
 """
 
 from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -88,17 +92,10 @@ def device_rows(device: Device, options: argparse.Namespace) -> None:
     promised = layout.unseen[layout.prediction.decoder]
     band = layout.band
     print(f"{device.name}: predicted {promised:.2f} mm ({band.low:.2f}-{band.high:.2f})")
+    others = train_other_units(device, options) if options.units else {}
     for seed in range(1, options.seeds + 1):
-        sessions = 2 if options.later else 1
-        twin = TwinOptions(
-            minutes=options.minutes,
-            sessions=sessions,
-            seed=seed,
-            unit=seed,
-            cords=options.cords,
-        )
-        runs = simulate_runs(device, twin)
-        whole = replace(runs.dataset, recordings=runs.dataset.recordings[:1])
+        sessions = simulate_unit(device, options, seed)
+        whole = replace(sessions, recordings=sessions.recordings[:1])
         prior = simulated_prior(device, whole.channels, whole.rest_points)
         result = train(whole, prior=prior)
         r = whole.recordings[0]
@@ -115,7 +112,41 @@ def device_rows(device: Device, options: argparse.Namespace) -> None:
         if options.few:
             few(whole, result, prior, after)
         if options.later:
-            later(result.model, runs.dataset.recordings[1])
+            later(result.model, sessions.recordings[1])
+        for title, other in others.items():
+            text = recalibrated(other.model, r, after, 1, 20 / (1 + min(3, len(other.model.poses))))
+            print(f"    {title} ({other.selected}), last 30 %: {text}", flush=True)
+
+
+def simulate_unit(device: Device, options: argparse.Namespace, unit: int) -> Dataset:
+    """Return one session of a built unit, or two if the second is decoded too."""
+    twin = TwinOptions(
+        minutes=options.minutes,
+        sessions=2 if options.later else 1,
+        seed=unit,
+        unit=unit,
+        cords=options.cords,
+    )
+    return simulate_runs(device, twin).dataset
+
+
+def train_other_units(device: Device, options: argparse.Namespace) -> dict[str, Training]:
+    """Return models of one and of two other units, trained on the first 70 % of a session each."""
+    parts = []
+    for unit in (options.seeds + 1, options.seeds + 2):
+        dataset = simulate_unit(device, options, unit)
+        cut = _first_tested(dataset.recordings[0])
+        part = select_frames(dataset, slice(0, cut)).recordings[0]
+        parts.append(replace(part, name=f"run-{unit}", session=f"session-{unit}"))
+    prior = simulated_prior(device, dataset.channels, dataset.rest_points)
+    return {
+        title: train(
+            replace(dataset, recordings=tuple(parts[:count])),
+            TrainOptions(test_share=0.0),
+            prior=prior,
+        )
+        for count, title in ((1, "model of another unit"), (2, "model of two units"))
+    }
 
 
 def print_errors(
@@ -192,6 +223,7 @@ def few(whole: Dataset, full: Training, prior, after: slice) -> None:  # type: i
 def later(model: TrainedModel, r: Recording) -> None:
     """Print the errors 20 hours later, and with the gain of a cord changed by a fifth."""
     every = slice(0, len(r.time), 10)
+    last = slice(_first_tested(r), len(r.time))
     cases = [(k, gain) for k in range(len(model.channels)) for gain in (0.8, 1.2)]
     for k, gain in [(0, 1.0), *cases]:
         signals = r.signals.copy()
@@ -201,43 +233,59 @@ def later(model: TrainedModel, r: Recording) -> None:
         known_frames = np.isfinite(distance)
         inside = (distance[known_frames] <= radius[known_frames]).mean()
         title = "20 h later" if gain == 1 else f"{model.channels[k]} x {gain}"
-        text = f"    {title}: {rmse(distance):.2f} mm, inside {inside:.1%}; re-calibrated"
-        for rounds in (1, 3):
-            try:
-                trained = recalibrate(model, [routine(now, model, rounds)])
-            except TrainingError as error:
-                text += f"; {error}"
-                continue
-            gains = ", ".join(
-                f"{g:.2f} ± {e:.2f}" for g, e in zip(trained.gain, trained.gain_error, strict=True)
-            )
-            after = rmse(errors(trained.model, now, every)[0])
-            text += f" by {rounds}: {after:.2f} (gains {gains}, left {trained.residual:.1f})"
-            text += " refused" if trained.problems else ""
-        print(text, flush=True)
+        print(
+            f"    {title}: {rmse(distance):.2f} mm, inside {inside:.1%}, radius"
+            f" {np.nanmean(radius):.2f}; last 30 % {recalibrated(model, now, last, 1)};"
+            f" {recalibrated(model, now, last, 3)}",
+            flush=True,
+        )
+
+
+def recalibrated(
+    model: TrainedModel, r: Recording, frames: slice, rounds: int, seconds: float = 9.0
+) -> str:
+    """Return the error in some frames, and that after a recalibration, as text."""
+    text = f"{rmse(errors(model, r, frames)[0]):.2f}, re-calibrated by {rounds}"
+    try:
+        trained = recalibrate(model, [routine(r, model, rounds, seconds)])
+    except TrainingError as error:
+        return f"{text}: {error}"
+    gains = ", ".join(
+        f"{g:.2f} ± {e:.2f}" for g, e in zip(trained.gain, trained.gain_error, strict=True)
+    )
+    after = rmse(errors(trained.model, r, frames)[0])
+    refused = " refused" if trained.problems else ""
+    return f"{text}: {after:.2f} (gains {gains}, left {trained.residual:.1f}){refused}"
 
 
 def routine(r: Recording, model: TrainedModel, rounds: int, seconds: float = 9.0) -> Recording:
     """Return a recalibration recording: rounds of up to three poses and a rest, a few seconds each.
 
-    It starts after half a minute of movement. Of each pose the samples with the largest movement
-    are taken, because the simulated hand often stops before the full pose.
+    It starts after half a minute of movement, and ends before the frames that are tested. Of each
+    pose the repetitions that go farthest are taken, because the simulated hand often stops before
+    the full pose, and of these the last seconds, in which it has left the previous pose.
     """
     parts, marks, at = [], [], 0.0
-    warm = [(n, s) for n, s in list_pose_samples(r) if r.sample_time[s.start] > 30]
+    end = r.time[_first_tested(r)]
+    warm = [
+        (name, s)
+        for name, s in list_pose_samples(r)
+        if r.sample_time[s.start] > 30 and r.sample_time[s.stop - 1] < end
+    ]
     poses = [n for n in model.poses if any(n == name for name, _ in warm)][:3]
-    by_name = {
-        name: sorted((s for n, s in warm if n == name), key=lambda s: -_reach(r, s))[:rounds]
-        for name in (*poses, "rest")
-    }
+    by_name = {}
+    for name in (*poses, "rest"):
+        shown = [_last_seconds(r, s, seconds) for n, s in warm if n == name]
+        if name != "rest":
+            shown.sort(key=partial(_reach, r, np.asarray(model.poses[name])), reverse=True)
+        by_name[name] = shown[:rounds]
     for k in range(rounds):
         for name, each in by_name.items():
             if k >= len(each):
                 continue
             time = r.sample_time[each[k]]
-            keep = np.flatnonzero(time < time[0] + seconds) + each[k].start
             marks.append((at, name))
-            parts.append((r.sample_time[keep] - time[0] + at, r.ohm[keep]))
+            parts.append((time - time[0] + at, r.ohm[each[k]]))
             at += seconds + 0.1
     none = np.zeros((0, *r.points.shape[1:]))
     return replace(
@@ -251,13 +299,24 @@ def routine(r: Recording, model: TrainedModel, rounds: int, seconds: float = 9.0
     )
 
 
-def _reach(r: Recording, samples: slice) -> float:
-    """Return the largest RMS distance (mm) of markers from their mean positions in some samples."""
-    begin, end = r.sample_time[samples][[0, -1]]
-    within = (r.time >= begin) & (r.time <= end)
-    distance = r.points[within] - np.nanmean(r.points, axis=0)
-    with np.errstate(all="ignore"):
-        return float(np.nanmax(np.nanmean((distance**2).sum(2), axis=1), initial=0.0))
+def _first_tested(r: Recording) -> int:
+    """Return the index of the first frame of the test part."""
+    return round((1 - _TEST) * len(r.time))
+
+
+def _last_seconds(r: Recording, samples: slice, seconds: float) -> slice:
+    """Return the part of some samples that is in their last seconds."""
+    start = np.searchsorted(r.sample_time, r.sample_time[samples.stop - 1] - seconds)
+    return slice(max(samples.start, int(start)), samples.stop)
+
+
+def _reach(r: Recording, expected: Float, samples: slice) -> float:
+    """Return how far the signals of a pose go, in units of those expected.
+
+    The first second is left out, in which the hand still leaves the previous pose.
+    """
+    late = r.sample_time[samples] > r.sample_time[samples.start] + 1
+    return float(np.nanmax(r.signals[samples][late] @ expected) / (expected @ expected))
 
 
 def main() -> None:
@@ -268,6 +327,7 @@ def main() -> None:
     parser.add_argument("--few", action="store_true")
     parser.add_argument("--cords", default=TwinOptions.cords, choices=get_args(CordFamilyName))
     parser.add_argument("--later", action="store_true")
+    parser.add_argument("--units", action="store_true")
     options = parser.parse_args()
     for folder in options.devices:
         device = load_device(folder)

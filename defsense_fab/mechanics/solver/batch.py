@@ -42,7 +42,7 @@ def solve_all(
     threads: int | None = None,
     on_solved: Callable[[int, list[Equilibrium]], None] | None = None,
 ) -> list[list[Equilibrium]]:
-    """Solve all jobs; results do not depend on the number of threads.
+    """Solve all jobs; results depend on the number of threads by rounding alone (1e-13 mm).
 
     If the caller is interrupted or a job raises, the other jobs are cancelled first.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...decoding.quantities import Readings
@@ -12,6 +14,7 @@ from .live_decoder import (
     UNTRAINED,
     UNTRAINED_DISTANCE,
     Reading,
+    make_frame,
     require_channels,
 )
 from .live_faults import LiveFaults, fault_note
@@ -90,22 +93,12 @@ class FixedDecoder:
         if quality is Quality.TRUSTED and now.distance[0] > UNTRAINED_DISTANCE:
             quality = Quality.UNTRAINED
             notes.append(UNTRAINED)
-        return LiveFrame(
-            device=model.device,
+        return replace(
+            make_frame(model, reading, signals, now),
             number=self._number,
-            time=reading.time,
-            arrived=reading.arrived,
-            channels=model.channels,
-            ohms=reading.ohms,
-            signals=signals,
-            ids=self._ids,
-            markers=now.points[0],
-            radius=now.radius[0],
-            distance=float(now.distance[0]),
             quality=quality,
             lost_channel=lost,
             notes=tuple(notes),
-            targets=model.targets,
         )
 
     def _forget(self) -> None:

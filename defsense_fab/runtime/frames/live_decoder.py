@@ -5,7 +5,7 @@ A frame whose readings cannot be decoded repeats the last good positions.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -324,19 +324,36 @@ class LiveDecoder:
         lost_channel: str | None,
         notes: tuple[Note, ...],
     ) -> LiveFrame:
-        return LiveFrame(
-            device=self.model.device,
+        return replace(
+            make_frame(self.model, reading, signals, now),
             number=self._number,
-            time=reading.time,
-            arrived=reading.arrived,
-            channels=self.model.channels,
-            ohms=reading.ohms,
-            signals=signals,
-            ids=self._ids,
-            markers=now.points[0],
-            radius=now.radius[0],
-            distance=float(now.distance[0]),
             quality=quality,
             lost_channel=lost_channel,
             notes=notes,
         )
+
+
+def make_frame(model: TrainedModel, reading: Reading, signals: Float, now: Decoded) -> LiveFrame:
+    """Return the first frame of a reading, which is trusted, with decoded positions.
+
+    Args:
+        model: The model.
+        reading: The reading.
+        signals: Its signals (c,).
+        now: What was decoded from them, for one time.
+    """
+    return LiveFrame(
+        device=model.device,
+        number=1,
+        time=reading.time,
+        arrived=reading.arrived,
+        channels=model.channels,
+        ohms=reading.ohms,
+        signals=signals,
+        ids=tuple(model.ids.tolist()),
+        markers=now.points[0],
+        radius=now.radius[0],
+        distance=float(now.distance[0]),
+        quality=Quality.TRUSTED,
+        targets=model.targets,
+    )

@@ -5,7 +5,8 @@ a resistance. What remains are gains. At a pose's extreme
 
     x_pc = g_c a_p y_pc + o_c,
 
-where y are the signals of the training, a_p is how far the pose was shown this time (near one),
+where y are the signals of the training, a_p is how far the pose was shown this time (near one,
+unless all signals show that the pose was shown in part only),
 g_c are the gains of the channels, and o_c is the difference of this rest from others. In addition,
 one repetition of a pose differs from the next, which the training has measured.
 
@@ -35,6 +36,7 @@ from .pose_signals import PoseSignals, extract_pose_signals, last_rest_signals
 
 # Prior standard deviations of log a, and of the log of a gain that changed.
 _SHOWN_SIGMA, _GAIN_SIGMA = 0.15, 0.25
+_MAX_SHOWN_DEVIATION = 2.0  # of log a, in standard deviations, up to which its prior is used
 _REST_SIGMA = 0.003  # of a signal from one rest to another, depending on the movements before
 _USUAL_SPREAD = 0.06  # between repetitions, of a pose's signals, if the model states none
 _TRAINED_REPETITIONS = 4  # of a pose in a typical training
@@ -140,7 +142,9 @@ def recalibrate(model: TrainedModel, recordings: Sequence[Recording]) -> Recalib
         )
     x = (np.array([p.signals for p in shown.values()]) - rest_signals) / (1 + rest_signals)
     y = np.array([trained[name] for name in shown])
-    probabilities, hypotheses = _weigh_hypotheses(x, y, _pose_sigmas(model, shown, y))
+    probabilities, hypotheses = _weigh_hypotheses(
+        x, y, _pose_sigmas(model, shown, y), _shown_sigmas(shown)
+    )
     logs = np.log([h.gain for h in hypotheses])
     mean = probabilities @ logs
     log_errors = np.array([h.log_error for h in hypotheses])
@@ -170,7 +174,20 @@ def _pose_sigmas(model: TrainedModel, shown: Mapping[str, PoseSignals], y: Float
     return np.asarray((np.array(spread) * factor + _MIN_SPREAD)[:, None])
 
 
-def _weigh_hypotheses(x: Float, y: Float, sigma: Float) -> tuple[Float, list[_Hypothesis]]:
+def _shown_sigmas(shown: Mapping[str, PoseSignals]) -> Float:
+    """Return prior standard deviations (p,) of log a.
+
+    If a pose was clearly shown in part only, the prior is as wide as that. Otherwise the missing
+    part would be explained by a gain of the cord that only this pose strains.
+    """
+    deviation = np.abs(np.log([p.reach for p in shown.values()]))
+    is_partial = deviation > _MAX_SHOWN_DEVIATION * _SHOWN_SIGMA
+    return np.where(is_partial, deviation, _SHOWN_SIGMA)
+
+
+def _weigh_hypotheses(
+    x: Float, y: Float, sigma: Float, shown_sigma: Float
+) -> tuple[Float, list[_Hypothesis]]:
     """Return the hypotheses with their probabilities (h,); the first is that nothing changed."""
     channels = range(x.shape[1])
     sets: list[tuple[int, ...]] = [(), *((k,) for k in channels)]
@@ -182,13 +199,13 @@ def _weigh_hypotheses(x: Float, y: Float, sigma: Float) -> tuple[Float, list[_Hy
     if len(channels) > 1:
         sets.append(tuple(channels))
         prior.append(_P_ALL)
-    hypotheses = [_fit_hypothesis(x, y, sigma, np.array(free, int)) for free in sets]
+    hypotheses = [_fit_hypothesis(x, y, sigma, shown_sigma, np.array(free, int)) for free in sets]
     log = np.log(prior) + np.array([h.evidence for h in hypotheses])
     odds = np.exp(log - log.max())
     return odds / odds.sum(), hypotheses
 
 
-def _fit_hypothesis(x: Float, y: Float, sigma: Float, free: Int) -> _Hypothesis:
+def _fit_hypothesis(x: Float, y: Float, sigma: Float, shown_sigma: Float, free: Int) -> _Hypothesis:
     """Fit signals (p, c) to those of the training (p, c), with some gains free (by index)."""
     p, c = x.shape
     f = len(free)
@@ -202,7 +219,7 @@ def _fit_hypothesis(x: Float, y: Float, sigma: Float, free: Int) -> _Hypothesis:
             [
                 difference.ravel(),
                 z[:f] / _GAIN_SIGMA,
-                z[f : f + p] / _SHOWN_SIGMA,
+                z[f : f + p] / shown_sigma,
                 offset / _REST_SIGMA,
             ]
         )

@@ -90,7 +90,8 @@ def _find_cause(
         if not is_exchange or remaining > _MAX_EXCHANGE_RATIO * wrong.data["remaining_mm"]:
             return wrong
     if remaining < _MAX_REMAINING * error:
-        text = f"{likeliest.message} (without it, the error is {remaining:.2f} mm)"
+        unit = frames.dataset.units[0]
+        text = f"{likeliest.message} (without it, the error is {remaining:.2f} {unit})"
         data = {**likeliest.data, "remaining_mm": remaining}
         return replace(likeliest, message=text, data=data)
     return (
@@ -100,10 +101,14 @@ def _find_cause(
         or Cause(
             "signals-tell-nothing",
             "the signals explain little of the movement, at any time shift and in any order",
-            "Check that each cord is connected to its channel, and that signals and markers are of"
-            " one device and time",
+            "Check that each channel is connected as in the training, and that signals and"
+            f" {_targets(frames)} are of one device and time",
         )
     )
+
+
+def _targets(frames: Frames) -> str:
+    return "markers" if frames.dataset.targets is None else "targets"
 
 
 def _thin(frames: Frames, count: int) -> Frames:
@@ -115,11 +120,14 @@ def _thin(frames: Frames, count: int) -> Frames:
 def _little_movement(frames: Frames, judgment: Usefulness) -> Cause | None:
     known = frames.sigma[np.isfinite(frames.sigma).all(axis=2)]
     noise = float(np.sqrt((known**2).sum(axis=1).mean())) if len(known) else 0.0
-    if judgment.movement >= max(_MIN_MOVEMENT_MM, _MIN_NOISES * noise):
+    is_device = frames.dataset.targets is None
+    least = _MIN_MOVEMENT_MM if is_device else 0.0  # numbers of other units can be of any size
+    if judgment.movement > max(least, _MIN_NOISES * noise):
         return None
-    text = f"the device hardly moves in the test frames ({judgment.movement:.2f} mm"
-    text += f"; the cameras' noise is {noise:.2f} mm)" if noise else ")"
-    action = "Record all movements of the device until the end"
+    unit = frames.dataset.units[0]
+    text = f"the {_targets(frames)} hardly move in the test frames ({judgment.movement:.2f} {unit}"
+    text += f"; the cameras' noise is {noise:.2f} {unit})" if noise else ")"
+    action = "Record all movements until the end"
     return Cause("too-little-movement", text, action, {"noise_mm": noise})
 
 
@@ -263,7 +271,7 @@ def _factors(model: TrainedModel, frames: Frames, decoded: Float) -> Iterator[Ca
         rms_distance(measured, factor * moved),
         Cause(
             "wrong-unit",
-            f"the markers move {factor:.3g} times as far as the model expects",
+            f"the {_targets(frames)} move {factor:.3g} times as far as the model expects",
             "Check the units of the positions and of the resistances, and R0",
             {"factor": factor},
         ),
@@ -275,12 +283,12 @@ def _offsets(frames: Frames, decoded: Float) -> Iterator[Candidate]:
     missed = frames.points - decoded
     with np.errstate(all="ignore"):
         offset = np.nansum(missed, axis=0) / np.isfinite(missed).sum(axis=0)
-    size = float(np.sqrt(np.nanmean((offset**2).sum(axis=1))))
+    size, unit = float(np.sqrt(np.nanmean((offset**2).sum(axis=1)))), frames.dataset.units[0]
     yield (
         rms_distance(missed, offset),
         Cause(
             "rest-changed",
-            f"the markers are off by the same {size:.1f} mm in all frames",
+            f"the {_targets(frames)} are off by the same {size:.1f} {unit} in all frames",
             "Check the resistances at rest R0, and the frame of the tracks",
             {"offset_mm": size},
         ),

@@ -94,6 +94,17 @@ def test_poses_shown_less_far_do_not_change_gains(model: TrainedModel) -> None:
     np.testing.assert_allclose(result.gain, 1.0, atol=0.05)
 
 
+@pytest.mark.parametrize("pose", [1, 2, 3])
+def test_one_pose_shown_half_is_not_taken_for_a_gain(model: TrainedModel, pose: int) -> None:
+    """Each of these poses strains one cord more than the others do."""
+    run = routine()
+    is_pose = (run.sample_time >= 5.0 * pose) & (run.sample_time < 5.0 * (pose + 1))
+    level = np.where(is_pose, 0.5, 1.0)[:, None]
+    result = recalibrate(model, [replace(run, ohm=run.rest * (1 + run.signals * level))])
+    np.testing.assert_allclose(result.gain, 1.0, atol=0.08)
+    assert result.problems == ()
+
+
 def test_swapped_and_inverted_cords_are_reported(model: TrainedModel) -> None:
     run = routine()
     swapped = replace(run, ohm=run.ohm[:, [1, 0, 2]])
