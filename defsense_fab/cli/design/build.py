@@ -85,6 +85,8 @@ def _refuse_unused(name: str, options: BuildOptions) -> None:
     unused = [] if has_plates else list(options.overrides)
     if name == "mesh" and options.scheduler is not None:
         unused.append("scheduler")
+    if name in ("mesh", "simulate") and options.search:
+        unused.append("search")
     if unused:
         raise DeviceError(
             f"does not apply to defsense {name}",
@@ -175,6 +177,7 @@ def _print_layout(layout: LayoutRecord) -> None:
         [
             f"{band.describe_trained()}.",
             f"note: {MEANING[best.how]}",
+            *_note_continued(layout),
             *note_worse_than_start(layout),
             *_describe_response(layout),
             *note_better_decoder(layout),
@@ -186,6 +189,19 @@ def _print_layout(layout: LayoutRecord) -> None:
 def _format_range(errors: Iterable[float]) -> str:
     values = list(errors)
     return f"{min(values):.2f} to {max(values):.2f}" if values else ""
+
+
+def _note_continued(layout: LayoutRecord) -> list[str]:
+    if not layout.continued:
+        return []
+    text = {
+        "kept": "still keeps all limits and was kept",
+        "improved": "was improved from where it was",
+    }[layout.continued]
+    return [
+        f"note: the earlier layout {text}, without a search. To search anew: defsense build"
+        " --search."
+    ]
 
 
 def note_better_decoder(layout: LayoutRecord) -> list[str]:

@@ -1,0 +1,137 @@
+"""Layouts that are kept or improved after an edit, without a search."""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.geometry.printing.export import write_stl
+from defsense_fab.store.layout import load_layout
+from defsense_fab.workflow.build import stage_optimize
+from defsense_fab.workflow.build.build import build, freshness
+from defsense_fab.workflow.build.options import BuildOptions
+from tests.conftest import box_surface
+from tests.support.places import DEVICES
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """A coarse bar with two free cords, built up to its layout."""
+    folder = tmp_path_factory.mktemp("continued") / "bar"
+    folder.mkdir()
+    text = (DEVICES / "bar" / "device.toml").read_text("utf-8")
+    script = text[text.index("script =") : text.index("\n\n[material]")]
+    text = text.replace(script, 'mesh = "bar.stl"').replace("edge_length = 6.0", "edge_length = 15")
+    text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")
+    text = text[: text.rindex("[[sensors]]")] + "[design]\nsearches = 2\n"
+    (folder / "device.toml").write_text(text)
+    write_stl(box_surface([0, -15, -15], [150, 15, 15]), folder / "bar.stl")
+    build(load_device(folder), "optimize")
+    return folder
+
+
+@pytest.fixture
+def folder(built, tmp_path):
+    shutil.copytree(built, tmp_path / "bar")
+    return tmp_path / "bar"
+
+
+def edit(folder, old, new):
+    path = folder / "device.toml"
+    text = path.read_text("utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+def optimize(folder, **options):
+    result = build(load_device(folder), "optimize", options=BuildOptions(**options))
+    return load_layout(folder / "build"), result.made
+
+
+def paths(layout):
+    return [cord.control_points.tolist() for cord in layout.sensors]
+
+
+@pytest.fixture
+def no_search(monkeypatch):
+    def refuse(*_):
+        raise AssertionError("a search was made")
+
+    monkeypatch.setattr(stage_optimize, "_search_decoders", refuse)
+
+
+def test_a_layout_that_keeps_the_new_limits_is_kept(folder, no_search):
+    before = load_layout(folder / "build")
+    assert before.continued == ""
+    edit(folder, 'process = "fdm-tpu"', 'process = "fdm-tpu"\nclearance = 0.25')
+    after, made = optimize(folder)
+    assert (after.continued, made) == ("kept", ("optimize",))
+    assert paths(after) == paths(before)
+    assert after.limits != before.limits
+
+
+def test_a_layout_that_breaks_the_new_limits_is_improved(folder, no_search):
+    before = load_layout(folder / "build")
+    walls = [cord.min_wall for cord in before.sensors]
+    wall = 0.3 + min(walls)
+    edit(folder, 'process = "fdm-tpu"', f'process = "fdm-tpu"\nwall = {wall:.2f}')
+    after, _ = optimize(folder)
+    assert after.continued == "improved"
+    assert min(cord.min_wall for cord in after.sensors) >= wall - 0.01
+
+
+def test_a_moved_cord_is_improved_from_where_it_is_drawn(folder, no_search):
+    before = load_layout(folder / "build")
+    edit(folder, "origin = [0, 8, 0]", "origin = [0, 6, 1]")
+    after, _ = optimize(folder)
+    assert after.continued == "improved"
+    assert after.prediction.unseen < 1.5 * before.prediction.unseen
+
+
+def test_an_added_pose_solves_only_its_states(folder, no_search):
+    pose = """[[poses]]
+name = "side"
+fixed = ["base"]
+[[poses.handles]]
+region = "tip"
+rotate = { axis = [0, 0, 1], degrees = 10 }
+translate = "free"
+
+[states]"""
+    edit(folder, "[states]", pose)
+    messages = []
+    build(load_device(folder), "optimize", lambda _, __, message: messages.append(message))
+    assert load_layout(folder / "build").continued == "improved"
+    assert any("paths were solved before" in message for message in messages)
+
+
+@pytest.mark.parametrize(
+    "change", [("noise = 0.002", "noise = 0.004"), ("searches = 2", "searches = 1")]
+)
+def test_other_changes_search_anew(folder, change):
+    edit(folder, *change)
+    assert optimize(folder)[0].continued == ""
+
+
+def test_a_search_on_request_equals_that_of_a_fresh_build(folder, tmp_path):
+    edit(folder, 'process = "fdm-tpu"', 'process = "fdm-tpu"\nclearance = 0.25')
+    fresh = tmp_path / "fresh"
+    shutil.copytree(folder, fresh, ignore=shutil.ignore_patterns("build"))
+    assert optimize(folder)[0].continued == "kept"
+    assert optimize(folder)[1] == ()
+    searched, made = optimize(folder, search=True)
+    assert (searched.continued, made) == ("", ("optimize",))
+    assert optimize(folder, search=True)[1] == ()
+    np.testing.assert_array_equal(paths(searched)[0], paths(optimize(fresh)[0])[0])
+
+
+def test_parts_are_those_of_the_layout_they_were_made_from(folder):
+    edit(folder, 'process = "fdm-tpu"', 'process = "fdm-tpu"\nclearance = 0.25')
+    device = load_device(folder)
+    build(device, "fabricate")
+    assert freshness(device)["fabricate"] == "current"
+    build(device, "optimize", options=BuildOptions(search=True))
+    assert freshness(device)["fabricate"] == "old"
