@@ -12,7 +12,7 @@ import json
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -113,7 +113,8 @@ def build(
                 old.replace(final)
         stages = STAGES[: [s.name for s in STAGES].index(until) + 1]
         if not options.overrides and all(s.name != PLATES for s in stages):
-            options = recorded_options(device, final)
+            recorded = recorded_options(device, final)
+            options = replace(recorded, scheduler=options.scheduler, search=options.search)
         plan = _Plan(device, options, stages)
         expected = plan.keys.of(final)
         if working.is_dir():  # a build was interrupted

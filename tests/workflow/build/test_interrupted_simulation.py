@@ -43,10 +43,10 @@ def device(tmp_path_factory):
 
 
 def test_interrupted_simulation_resumes_with_the_same_fields(device, monkeypatch, tmp_path):
-    monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path))
     messages = []
 
-    def simulate(solver):
+    def simulate(solver, cache="cache"):
+        monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path / cache))
         shutil.rmtree(device.source / "build" / "fields", ignore_errors=True)
         made = Build(device.source / "build")
         stage_simulate.run(device, made, lambda _, message: messages.append(message), solver)
@@ -54,16 +54,20 @@ def test_interrupted_simulation_resumes_with_the_same_fields(device, monkeypatch
         return {path.name: path.read_bytes() for path in folder.iterdir()}
 
     whole = Solver()
-    expected = simulate(whole)
-    assert not [m for m in messages if "resuming" in m]
+    expected = simulate(whole, "other-cache")
+    assert not [m for m in messages if "solved before" in m]
     with pytest.raises(KeyboardInterrupt):
         simulate(Solver(3))
-    assert len(list((tmp_path / "solved").iterdir())) == 3
+    kept = tmp_path / "cache" / "solved"
+    assert len(list(kept.iterdir())) == 3
     rest = Solver()
     assert simulate(rest) == expected
     assert rest.solved == whole.solved - 3
-    assert [m for m in messages if "resuming" in m]
-    assert list((tmp_path / "solved").iterdir()) == []
+    assert [m for m in messages if "solved before" in m]
+    assert len(list(kept.iterdir())) == whole.solved
+    again = Solver()
+    assert simulate(again) == expected
+    assert again.solved == 0
 
 
 def test_interrupted_search_for_a_density_resumes_with_the_same_mesh(device, monkeypatch, tmp_path):
@@ -93,9 +97,9 @@ def test_interrupted_search_for_a_density_resumes_with_the_same_mesh(device, mon
     with pytest.raises(KeyboardInterrupt):
         search(Solver(after))
     assert len(list(kept.iterdir())) == after
-    assert not [m for m in messages if "resuming" in m]
+    assert not [m for m in messages if "solved before" in m]
     rest = Solver()
     assert search(rest) == expected
     assert rest.solved == whole.solved - after
-    assert len([m for m in messages if "resuming" in m]) == 2
+    assert len([m for m in messages if "solved before" in m]) == 2
     assert list(kept.iterdir()) == []
