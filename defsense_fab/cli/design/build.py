@@ -199,7 +199,7 @@ def _note_continued(layout: LayoutRecord) -> list[str]:
         "improved": "was improved from where it was",
     }[layout.continued]
     return [
-        f"note: the earlier layout {text}, without a search. To search anew: defsense build"
+        f"note: the earlier layout {text}, without a search. To search again: defsense build"
         " --search."
     ]
 

@@ -84,6 +84,21 @@ def evaluate_unchanged(problem: Problem, sensors: Layout) -> OptimizedLayout | N
     return OptimizedLayout(sensors, layout_error(problem, sensors), slivers, (), sensors)
 
 
+def require_drawing(problem: Problem, drawn: Layout) -> None:
+    """Raise LayoutError if drawn cords break a limit."""
+    check = verify(drawn, problem.surface, problem.limits)
+    if check.violations:
+        broken = check.violations[0]
+        raise LayoutError(
+            broken.message,
+            code=broken.code,
+            where="device.toml: sensors",
+            action="Move its control_points or plane",
+            cords=broken.cords,
+            value=broken.value,
+        )
+
+
 def optimize_layout(
     problem: Problem,
     drawn: Sequence[Sensor],
@@ -117,17 +132,7 @@ def optimize_layout(
         LayoutError: If the drawing breaks a limit, or the body has no room for the extra cords.
     """
     drawn, search = tuple(drawn), search or LayoutSearch()
-    check = verify(drawn, problem.surface, problem.limits)
-    if check.violations:
-        broken = check.violations[0]
-        raise LayoutError(
-            broken.message,
-            code=broken.code,
-            where="device.toml: sensors",
-            action="Move its control_points or plane",
-            cords=broken.cords,
-            value=broken.value,
-        )
+    require_drawing(problem, drawn)
     max_planes = search.planes
     if max_planes is not None:
         max_planes = max(max_planes, len(distinct_planes([s.plane for s in drawn])))

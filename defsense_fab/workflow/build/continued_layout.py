@@ -2,7 +2,7 @@
 
 A search for cords takes most of a build. After a change of the fabrication the layout stays if it
 still keeps all limits; after a change of a drawn cord or of the poses it is improved from where it
-is. Any other change searches anew, and so does `defsense build --search`.
+is. After any other change, and with `defsense build --search`, the cords are searched for again.
 """
 
 from __future__ import annotations
@@ -29,12 +29,13 @@ class EarlierLayout:
     """The layout of an earlier build on the same mesh, with the same cords, limits aside.
 
     Attributes:
-        sensors: Its cords, those whose drawing has changed as they are drawn now.
+        starts: Layouts to improve: its cords, those whose drawing has changed as they are drawn
+            now; and its cords as they are, if those are free in path and plane.
         decoder: Name of its decoder.
         is_current: Whether only the fabrication has changed since.
     """
 
-    sensors: tuple[Sensor, ...]
+    starts: tuple[tuple[Sensor, ...], ...]
     decoder: str
     is_current: bool
 
@@ -83,15 +84,14 @@ def find_earlier_layout(
         except DefsenseError:
             continue
         drawn = {s.name: s for s in device.sensors}
-        is_drawn_anew = {n for n, key in now["cords"].items() if key != then["cords"][n]}
-        cords = [
-            drawn[record.name]
-            if record.name in is_drawn_anew
-            else replace(record.sensor(), free=drawn[record.name].free)
-            if record.name in drawn
-            else replace(record.sensor(), free=_FREE)
-            for record in layout.sensors
-        ]
-        is_current = then["states"] == now["states"] and not is_drawn_anew
-        return EarlierLayout(tuple(cords), layout.prediction.decoder, is_current)
+        changed = {n for n, key in now["cords"].items() if key != then["cords"][n]}
+        cords = tuple(
+            replace(r.sensor(), free=drawn[r.name].free if r.name in drawn else _FREE)
+            for r in layout.sensors
+        )
+        starts = [tuple(drawn[s.name] if s.name in changed else s for s in cords)]
+        if changed and all(drawn[name].free == _FREE for name in changed):
+            starts.append(cords)
+        is_current = then["states"] == now["states"] and not changed
+        return EarlierLayout(tuple(starts), layout.prediction.decoder, is_current)
     return None

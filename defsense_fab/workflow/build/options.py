@@ -25,7 +25,7 @@ class BuildOptions:
             (default: [fabrication] bed).
         scheduler: Solve the poses on a Dask cluster with this scheduler address, such as
             tcp://HOST:8786 (default: solve them on this machine).
-        search: Search for the cords anew, where an earlier layout was kept or improved after an
+        search: Search for the cords again where an earlier layout was kept or improved after an
             edit (default: continue from it).
     """
 

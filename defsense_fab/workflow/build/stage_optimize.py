@@ -27,6 +27,7 @@ from ...optimization.refinement.refine import (
     evaluate_unchanged,
     improve_layout,
     optimize_layout,
+    require_drawing,
 )
 from ...optimization.search.plane_directions import face_directions
 from ...optimization.search.starting_layouts import FREE, Layout, LayoutSearch
@@ -144,25 +145,35 @@ def _continue(
     Returns:
         How the layout came about, as in `LayoutRecord.continued`, and the layout; None if it breaks
         limits that descents from it cannot keep.
+
+    Raises:
+        LayoutError: The drawn cords break a limit.
     """
+    require_drawing(task.design, device.sensors)
     drawn = None if device.propose else device.sensors
     if earlier.is_current:
-        kept = evaluate_unchanged(task.design, earlier.sensors)
+        kept = evaluate_unchanged(task.design, earlier.starts[0])
         if kept is not None:
             report(1.0, "the layout still keeps all limits")
             return "kept", replace(kept, initial=drawn or kept.initial)
-    try:
-        improved = improve_layout(
-            task.design,
-            earlier.sensors,
-            report,
-            planes=device.planes,
-            watch=observer.kept,
-            follow=observer.passed,
-        )
-    except LayoutError:
+    found = []
+    for k, start in enumerate(earlier.starts):
+        show = subrange(report, k / len(earlier.starts), (k + 1) / len(earlier.starts))
+        with suppress(LayoutError):
+            found.append(
+                improve_layout(
+                    task.design,
+                    start,
+                    show,
+                    planes=device.planes,
+                    watch=observer.kept,
+                    follow=observer.passed,
+                )
+            )
+    if not found:
         return "", None
-    return "improved", replace(improved, initial=drawn or improved.initial)
+    best = min(found, key=lambda layout: (layout.slivers, layout.rmse))
+    return "improved", replace(best, initial=drawn or best.initial)
 
 
 def require_feasible_layout(device: Device, layout: LayoutRecord) -> None:

@@ -108,7 +108,7 @@ translate = "free"
     assert any("paths were solved before" in message for message in messages)
 
 
-def test_other_changes_search_anew(folder):
+def test_other_changes_search_again(folder):
     edit(folder, "searches = 2", "searches = 1")
     assert optimize(folder)[0].continued == ""
 
