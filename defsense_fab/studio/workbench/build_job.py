@@ -37,11 +37,13 @@ class CandidateLayout:
 def run_build(reporter: JobReporter, folder: Path, stage: str) -> None:
     """Build the device in a folder up to a stage; run this in a BackgroundJob.
 
+    The stage "optimize" searches; later stages continue from the layout of an earlier build.
     Its items are `CandidateLayout`. A build that is canceled or fails leaves the previous build
     unchanged; the next one resumes from the last completed stage.
     """
     from ...core.device.device_file import load_device
     from ...workflow.build.build import build
+    from ...workflow.build.options import BuildOptions
     from ...workflow.build.stages import SearchProgress
 
     clock, last_sent = _Clock(), -_MIN_LAYOUT_INTERVAL_S
@@ -60,7 +62,9 @@ def run_build(reporter: JobReporter, folder: Path, stage: str) -> None:
                 reporter.item(layout)
 
     is_complete = stage not in _STAGES_OF_INCOMPLETE_DEVICES
-    build(load_device(folder, complete=is_complete), stage, report_progress, report_layout)
+    device = load_device(folder, complete=is_complete)
+    options = BuildOptions(search=stage == "optimize")
+    build(device, stage, report_progress, report_layout, options=options)
 
 
 class _Clock:

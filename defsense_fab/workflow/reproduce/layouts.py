@@ -23,6 +23,7 @@ from ...optimization.prediction.design_task import load_task
 from ...optimization.search import baselines
 from ...store.build import Build
 from ..build.build import build
+from ..build.options import BuildOptions
 from .experiment import DRAWN, MANUAL, OPTIMISED, QUICK_SEARCHES, Experiment, LayoutChoice
 
 SIMULATED = "simulated"
@@ -73,7 +74,8 @@ def build_layout(
     device = load_device(folder)
     if not build_folder(device).exists():  # the results that all layouts share
         _link_folder(build_folder(simulated), build_folder(device))
-    build(device, "optimize" if experiment.quick else "report", progress)
+    options = BuildOptions(search=True)  # results do not depend on earlier runs
+    build(device, "optimize" if experiment.quick else "report", progress, options=options)
     return device
 
 

@@ -168,7 +168,7 @@ def test_a_paused_search_gives_the_results_of_the_command(made_page, tmp_path):
     assert mode.search.worker.wait(TIMEOUT_S)
     assert mode.search.record.best is not None
     assert len(mode.search.record.curve[0]) > 2
-    assert main(["optimize", str(tmp_path / "other")]) == 0
+    assert main(["optimize", str(tmp_path / "other"), "--search"]) == 0
     for name in ("layout.json", "layouts.json", "prediction.json"):
         studio_file = bench.project.folder / "build" / name
         assert studio_file.read_bytes() == (tmp_path / "other" / "build" / name).read_bytes()
