@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
+from scipy.spatial.distance import cdist
 
 from ..core.arrays import Float, Int
 from .ridge import FEATURES, MIN_NOISE, Decoder, fit_ridge, noise_on_outputs
@@ -65,7 +66,7 @@ class KernelDecoder:
 
     def __call__(self, signals: Float) -> Float:
         """Return the outputs (n, o) in mm of signals (n, c)."""
-        return np.asarray(self._kernel(signals)[0] @ self.weights + self.constant)
+        return np.asarray(self._kernel(signals) @ self.weights + self.constant)
 
     def to_json(self) -> dict[str, Any]:
         """Return the numbers for `prediction.json`."""
@@ -84,18 +85,22 @@ class KernelDecoder:
             signals: Signals (n, c).
             noise: Standard deviations of the signals (c,), or one for all.
         """
-        kernel, difference = self._kernel(signals)
-        slopes = -2 * self.gamma * kernel[:, :, None] * difference / self.scale
+        difference = (signals[:, None] - self.trained) / self.scale**2
+        slopes = -2 * self.gamma * self._kernel(signals)[:, :, None] * difference
         return noise_on_outputs(slopes, self.weights, noise)
 
-    def _kernel(self, signals: Float) -> tuple[Float, Float]:
-        """Return the kernel (n, t) and the scaled differences (n, t, c) from the training."""
-        difference = (signals[:, None] - self.trained) / self.scale
-        return np.exp(-self.gamma * (difference**2).sum(2)), difference
+    def _kernel(self, signals: Float) -> Float:
+        """Return the kernel (n, t) of signals and training signals."""
+        square = cdist(signals / self.scale, self.trained / self.scale, "sqeuclidean")
+        return np.asarray(np.exp(-self.gamma * square))
 
 
 def _fit_kernel(
-    signals: Float, outputs: Float, noise: Float | float, like: KernelDecoder | None = None
+    signals: Float,
+    outputs: Float,
+    noise: Float | float,
+    like: KernelDecoder | None,
+    repeats: Int | None,
 ) -> KernelDecoder:
     """Fit a kernel decoder; see `fit_decoder`.
 
@@ -103,6 +108,7 @@ def _fit_kernel(
     channel either way.
     """
     n, c = signals.shape
+    counts = np.ones(n, int) if repeats is None else repeats
     noise = np.broadcast_to(np.maximum(noise, MIN_NOISE), (c,))
     if n < FOLDS and like is None:
         like = KernelDecoder(
@@ -111,18 +117,23 @@ def _fit_kernel(
     move = np.sqrt(c) * np.diag(noise)
     moves = np.concatenate([np.zeros((1, c)), move, -move])
     samples = (signals[:, None] + moves).reshape(-1, c)  # state by state: folds stay contiguous
-    targets = np.repeat(outputs, len(moves), axis=0)
-    scale = np.maximum(signals.std(0), noise)
-    constant = targets.mean(0)
+    scale = np.maximum(np.repeat(signals, counts, axis=0).std(0), noise)
+    constant = np.average(outputs, axis=0, weights=counts)
+    targets = np.repeat(outputs - constant, len(moves), axis=0)
     square = _squared_distances(samples / scale)
     if like is None:
-        folds = contiguous_folds(n)
-        splits = [tuple(_repeat(part, len(moves)) for part in fold) for fold in folds]
-        gamma, alpha = _choose_hyperparameters(square, targets - constant, splits)
+        rows = _repeat(np.repeat(np.arange(n), counts), len(moves))
+        splits = [
+            tuple(_repeat(part, len(moves)) for part in fold)
+            for fold in contiguous_folds(int(counts.sum()))
+        ]
+        gamma, alpha = _choose_hyperparameters(square[np.ix_(rows, rows)], targets[rows], splits)
     else:
         gamma, alpha = like.gamma, like.alpha
-    normal = np.exp(-gamma * square) + alpha * np.eye(len(square))
-    weights = cho_solve(cho_factor(normal), targets - constant)
+    # A sample that counts k times has one weight, the sum of k equal ones, and a k-th of the ridge.
+    ridge = alpha / np.repeat(counts, len(moves))
+    normal = np.exp(-gamma * square) + np.diag(ridge)
+    weights = cho_solve(cho_factor(normal), targets)
     return KernelDecoder(samples, scale, gamma, alpha, np.asarray(weights), constant)
 
 
@@ -163,6 +174,7 @@ def fit_decoder(
     outputs: Float,
     noise: Float | float,
     like: AnyDecoder | None = None,
+    repeats: Int | None = None,
 ) -> AnyDecoder:
     """Fit a decoder.
 
@@ -172,12 +184,14 @@ def fit_decoder(
         outputs: Outputs (n, o), mm.
         noise: Standard deviations of the signals that the decoder expects (c,), or one for all.
         like: A kernel decoder whose width and weight are used instead of choosing them.
+        repeats: How often each row of signals and outputs counts (n,); once by default.
 
     Returns:
         The decoder.
     """
     if kind == "kernel":
-        return _fit_kernel(
-            signals, outputs, noise, like if isinstance(like, KernelDecoder) else None
-        )
+        like = like if isinstance(like, KernelDecoder) else None
+        return _fit_kernel(signals, outputs, noise, like, repeats)
+    if repeats is not None:
+        signals, outputs = (np.repeat(of, repeats, axis=0) for of in (signals, outputs))
     return fit_ridge(FEATURES[kind](signals.shape[1]), signals, outputs, noise)

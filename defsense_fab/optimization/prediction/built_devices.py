@@ -13,12 +13,11 @@ from ...sensing.built_cord import BuiltCord
 from ...sensing.memory_residual import (
     AFFINE,
     TRAINED,
-    MemoryResidual,
     known_family,
     memory_residuals,
 )
 from ...store.layout import BandRecord, ErrorRange
-from ..studies.tolerance_monte_carlo import ToleranceBand, sample_errors
+from ..studies.tolerance_monte_carlo import SampledDevice, ToleranceBand, measure_devices, sample_devices
 from .design_task import SEED, DesignTask, device_tolerances
 
 _AFFINE_DECODER = "affine"
@@ -32,7 +31,9 @@ def tolerance_band(device: Device, task: DesignTask, cords: Sequence[BuiltCord])
         task: Its design task.
         cords: The cords as built in.
     """
-    return ToleranceBand.of(_sample(device, task, cords, None))
+    return ToleranceBand.of(
+        measure_devices(_sample(device, task, cords, None), task.everything.decoder, task.unseen)
+    )
 
 
 def predict_built_devices(
@@ -50,13 +51,14 @@ def predict_built_devices(
         shares: How often the session of the training shows each state (n,), rest included; None if
             it shows the unseen states alone.
     """
-    name, affine_task = device.cord.name, task.with_decoder(_AFFINE_DECODER)
+    name, unseen = device.cord.name, replace(task.unseen, shares=shares)
+    decoder, sampled = task.everything.decoder, _sample(device, task, cords, shares)
     trained = {
-        r.family: _sample(device, task, cords, r, shares)
+        r.family: measure_devices(sampled, decoder, unseen, r)
         for r in memory_residuals(name, TRAINED, len(cords))
     }
     affine = [
-        _sample(device, affine_task, cords, r, shares)
+        measure_devices(sampled, _AFFINE_DECODER, unseen, r)
         for r in memory_residuals(name, AFFINE, len(cords))
     ]
     family, everything = known_family(name), _range(list(trained.values()))
@@ -69,7 +71,7 @@ def predict_built_devices(
         affine=_range(affine),
         **asdict(device_tolerances(device)),
         family=family,
-        without_memory=ToleranceBand.of(_sample(device, task, cords, None, shares)).median,
+        without_memory=ToleranceBand.of(measure_devices(sampled, decoder, unseen)).median,
     )
 
 
@@ -78,19 +80,13 @@ def _range(errors: Sequence[Float]) -> ErrorRange:
 
 
 def _sample(
-    device: Device,
-    task: DesignTask,
-    cords: Sequence[BuiltCord],
-    memory: MemoryResidual | None,
-    shares: Float | None = None,
-) -> Float:
-    """Return the RMSE (d,) mm of the same built devices, with some memory of their cords."""
-    return sample_errors(
+    device: Device, task: DesignTask, cords: Sequence[BuiltCord], shares: Float | None
+) -> list[SampledDevice]:
+    return sample_devices(
         task.everything,
         cords,
         task.reading,
         np.random.default_rng(SEED),
         replace(task.unseen, shares=shares),
         tolerances=device_tolerances(device),
-        memory=memory,
     )

@@ -14,7 +14,7 @@ from ...sensing.built_cord import BuiltCord
 from ...sensing.memory_residual import MemoryResidual
 from ...store.layout import Prediction
 from ..problem.problem import Problem
-from ..studies.tolerance_monte_carlo import Tolerances, sample_errors
+from ..studies.tolerance_monte_carlo import Tolerances, measure_devices, sample_devices
 from .design_task import SEED, DesignTask
 
 _EXACT = Tolerances(offset=0.0, gauge=0.0, amplitude=0.0, ends=0.0, compression=0.0)
@@ -67,16 +67,11 @@ def trained_error(
     """
     if shares is not None:
         unseen = replace(task.unseen, shares=shares)
+        rng = np.random.default_rng(SEED)
+        exact = sample_devices(task.everything, cords, task.reading, rng, unseen, 1, _EXACT)
         errors = [
-            sample_errors(
-                task.everything,
-                cords,
-                task.reading,
-                np.random.default_rng(SEED),
-                unseen,
-                1,
-                _EXACT,
-                replace(r, low=r.median, high=r.median),
+            measure_devices(
+                exact, task.everything.decoder, unseen, replace(r, low=r.median, high=r.median)
             )[0]
             for r in residuals
         ]

@@ -104,7 +104,7 @@ class SampledDevice:
         return replace(self, noise=np.hypot(self.noise, error), readings=readings)
 
 
-def sample_errors(
+def sample_devices(
     problem: Problem,
     cords: Sequence[BuiltCord],
     reading: CordReading,
@@ -112,9 +112,8 @@ def sample_errors(
     unseen: UnseenStates,
     draws: int = 200,
     tolerances: Tolerances | None = None,
-    memory: MemoryResidual | None = None,
-) -> Float:
-    """Draw built devices, and return the RMSE (draws,) mm of each on unseen states.
+) -> list[SampledDevice]:
+    """Draw built devices.
 
     Args:
         problem: The problem.
@@ -124,17 +123,32 @@ def sample_errors(
         unseen: States to train and to test on.
         draws: Number of devices.
         tolerances: Tolerances; the usual ones by default.
+    """
+    tolerances = tolerances or Tolerances()
+    return [sample_device(problem, cords, reading, rng, tolerances, unseen) for _ in range(draws)]
+
+
+def measure_devices(
+    devices: Sequence[SampledDevice],
+    decoder: str,
+    unseen: UnseenStates,
+    memory: MemoryResidual | None = None,
+) -> Float:
+    """Return the RMSE (d,) mm of sampled devices on unseen states.
+
+    Args:
+        devices: The devices.
+        decoder: Kind of their decoders, see `fit_decoder`.
+        unseen: The states that the devices were sampled for.
         memory: What is left of the cords' memory; nothing by default.
     """
     decoders: list[AnyDecoder] = []
     errors = []
-    # Memory has a generator of its own, so that the same devices are drawn with and without it.
-    memory_rng = np.random.default_rng(_MEMORY_SEED)
-    for _ in range(draws):
-        device = sample_device(problem, cords, reading, rng, tolerances or Tolerances(), unseen)
+    rng = np.random.default_rng(_MEMORY_SEED)
+    for device in devices:
         if memory is not None:
-            device = device.add_memory(memory.draw(len(cords), memory_rng), memory_rng)
-        rmse, decoders = _test_device(device, problem.decoder, unseen, decoders)
+            device = device.add_memory(memory.draw(device.signals.shape[1], rng), rng)
+        rmse, decoders = _test_device(device, decoder, unseen, decoders)
         errors.append(rmse)
     return np.array(errors)
 
@@ -187,14 +201,15 @@ def _test_device(
     square, decoders = 0.0, []
     signals, outputs, states = device.signals, device.outputs, device.states
     for k, (train, test) in enumerate(unseen.folds):
-        start = like[k] if like else None
-        rows = train
+        start, repeats = like[k] if like else None, None
         in_fold = np.isin(states, test)
         if unseen.shares is not None:
-            repeats = np.round(_SESSION_ROWS * unseen.shares[train]).astype(int)
-            rows = np.repeat(train, np.maximum(repeats, 1))
+            rows = np.round(_SESSION_ROWS * unseen.shares[train]).astype(int)
+            repeats = np.maximum(rows, 1)
             in_fold |= (k == 0) & ~np.isin(states, unseen.tested)
-        decoders.append(fit_decoder(kind, signals[rows], outputs[rows], device.noise, start))
+        decoders.append(
+            fit_decoder(kind, signals[train], outputs[train], device.noise, start, repeats)
+        )
         if not in_fold.any():
             continue
         predicted = decoders[-1](device.readings[in_fold])

@@ -12,8 +12,9 @@ from defsense_fab.optimization.refinement.refine import layout_error
 from defsense_fab.optimization.studies.tolerance_monte_carlo import (
     ToleranceBand,
     Tolerances,
+    measure_devices,
     sample_built_cord,
-    sample_errors,
+    sample_devices,
 )
 from defsense_fab.sensing.built_cord import BuiltCord, CordReading
 from defsense_fab.sensing.memory_residual import MemoryResidual
@@ -23,12 +24,13 @@ TWISTS = np.array([-1, -0.5, 0.5, 1])  # of the states of `problem`
 EXACT = Tolerances(offset=0, gauge=0, amplitude=0, ends=0, compression=0)
 
 
-def band_of(problem, layout, rng, unseen, **options):
+def band_of(problem, layout, rng, unseen, memory=None, **options):
     """Return the band of bonded cords that sense on their whole length, with ideal joints."""
     cords = [BuiltCord(sample_path(s), 0.0, None) for s in layout]
     reading = CordReading(problem.sense.response, 14.5, problem.noise, 0.0)
     options = {"tolerances": Tolerances(compression=0)} | options
-    return ToleranceBand.of(sample_errors(problem, cords, reading, rng, unseen, **options))
+    devices = sample_devices(problem, cords, reading, rng, unseen, **options)
+    return ToleranceBand.of(measure_devices(devices, problem.decoder, unseen, memory))
 
 
 def every(problem):
@@ -82,10 +84,9 @@ def test_the_band_of_straight_cords_does_not_depend_on_rounding(problem, straigh
         moved = path.copy()
         moved[len(path) // 2, 1:] += [last, -2 * last]
         cords = [BuiltCord(moved, 0.0, None)]
-        errors = sample_errors(
-            problem, cords, reading, np.random.default_rng(0), every(problem), draws=20
-        )
-        band = ToleranceBand.of(errors)
+        rng, unseen = np.random.default_rng(0), every(problem)
+        devices = sample_devices(problem, cords, reading, rng, unseen, draws=20)
+        band = ToleranceBand.of(measure_devices(devices, problem.decoder, unseen))
         bands.append((band.low, band.median, band.high))
     assert np.ptp(bands, axis=0).max() < 1e-9
 
