@@ -9,14 +9,15 @@ from typing import Any
 import manifold3d as m3
 import numpy as np
 
-from ...core.arrays import Float
+from ...core.arrays import Float, Int
 from ...core.errors import FabricationError
 from ...core.mesh import Surface, triangle_edges
 from .cutting_tools import Frustum, Tool, axes_from_normal
 from .surface_queries import SurfaceCache
 
 #: Facets around a round tool, which has the area of the circle.
-TUBE_SIDES = 48
+TUBE_SIDES = 36
+TUBE_SAG_MM = 0.002  # between the chords of a tube and the polyline that it follows
 #: Half of the gap between the mating faces of two parts: above the rounding of coordinates in
 #: single precision, far below what any printer resolves.
 MATING_GAP_MM = 5e-5
@@ -176,13 +177,18 @@ def _equal_area_radius(sides: int) -> float:
 def tube(points: Float, normal: Float, diameter: float, sides: int = TUBE_SIDES) -> Any:
     """Return a tube along a planar polyline, with the cross-section area of the round tube.
 
+    Corners are left out where the tube moves by less than `TUBE_SAG_MM`, because the time of later
+    cuts grows with the number of facets.
+
     Args:
         points: Corners (n, 3) of the polyline, mm.
         normal: Unit normal (3,) of its plane.
         diameter: Diameter, mm.
         sides: Number of facets around.
     """
-    tangent = np.gradient(points, axis=0)
+    kept = _corners(points, TUBE_SAG_MM)
+    tangent = np.gradient(points, axis=0)[kept]
+    points = points[kept]
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     side = np.cross(normal, tangent)
     angle = np.arange(sides) * 2 * np.pi / sides
@@ -202,6 +208,30 @@ def tube(points: Float, normal: Float, diameter: float, sides: int = TUBE_SIDES)
     if surface.volume < 0:
         surface = Surface(vertices, faces[:, ::-1])
     return to_manifold(surface, "channel")
+
+
+def _corners(points: Float, sag: float) -> Int:
+    """Return the indices of the corners (n, 3) that keep a polyline within `sag` mm of all.
+
+    References:
+        Douglas & Peucker, Algorithms for the reduction of the number of points required to
+        represent a digitized line or its caricature, Cartographica 10(2), 1973.
+    """
+    kept, spans = [0, len(points) - 1], [(0, len(points) - 1)]
+    while spans:
+        first, last = spans.pop()
+        inner = points[first + 1 : last] - points[first]
+        if not len(inner):
+            continue
+        chord = points[last] - points[first]
+        along = np.clip(inner @ chord / max(chord @ chord, 1e-300), 0.0, 1.0)
+        distance = np.linalg.norm(inner - along[:, None] * chord, axis=1)
+        farthest = int(distance.argmax())
+        if distance[farthest] > sag:
+            middle = first + 1 + farthest
+            kept.append(middle)
+            spans += [(first, middle), (middle, last)]
+    return np.sort(kept)
 
 
 def union(solids: Sequence[Any]) -> Any:
