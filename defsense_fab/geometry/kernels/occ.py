@@ -274,16 +274,18 @@ def carve_and_split(
         FabricationError: If OpenCascade loses a part or some volume.
     """
     copies = [BRepBuilderAPI_Copy(shape).Shape() for shape in (solid, *cutters)]
-    for joins_faces in (True, False):  # see `cut_out`
+    for joins_faces, channels_first in _ATTEMPTS:
         body, *tools = (solid, *cutters) if joins_faces else copies
         with contextlib.nullcontext() if joins_faces else bd.SkipClean():
-            for parts in _divisions(bd.Solid(body), [bd.Solid(t) for t in tools], knives):
-                if (
-                    len(parts) == count
-                    and abs(sum(p.volume for p in parts) / expected - 1) < MAX_VOLUME_LOSS
-                    and (joins_faces or all(p.is_valid for p in parts))
-                ):
-                    return [p.wrapped for p in parts]
+            parts = _try_division(
+                bd.Solid(body), [bd.Solid(t) for t in tools], knives, channels_first
+            )
+            if (
+                len(parts) == count
+                and abs(sum(p.volume for p in parts) / expected - 1) < MAX_VOLUME_LOSS
+                and (joins_faces or all(p.is_valid for p in parts))
+            ):
+                return [p.wrapped for p in parts]
     raise FabricationError(
         "OpenCascade could not divide the solid",
         code="cannot-divide-solid",
@@ -291,51 +293,60 @@ def carve_and_split(
     )
 
 
-def _divisions(body: Any, tools: Sequence[Any], knives: Sequence[Knife]) -> Iterator[list[Any]]:
-    """Yield the parts of a body, divided before the tools are cut out, and after.
+#: Whether faces are joined after each operation (see `cut_out`), and whether channels are cut out
+#: before the body is divided. Each way sometimes fails where another works; the fastest is first.
+_ATTEMPTS = ((True, False), (False, True), (True, True), (False, False))
 
-    There are no parts where the kernel raises an error.
-    """
 
-    def carved(pieces: list[Any]) -> list[Any]:
+def _try_division(
+    body: Any, tools: Sequence[Any], knives: Sequence[Knife], channels_first: bool
+) -> list[Any]:
+    """Return the parts of a body; none where the kernel raises an error."""
+
+    def carve(pieces: list[Any], channels: Sequence[Any]) -> list[Any]:
         return [s for p in pieces for s in _solids(p.cut(*channels)) if s.volume > MIN_PIECE_MM3]
 
-    def divided(channels_first: bool) -> list[Any]:
-        return (
-            _divide(carved([body]), knives) if channels_first else carved(_divide([body], knives))
-        )
-
-    channels = list(tools)
-    for channels_first in (False, True):  # sometimes one order fails where the other works
-        try:
-            if len(tools) > 1 and not channels_first:
-                channels = _solids(tools[0].fuse(*tools[1:]))
-            parts = divided(channels_first)
-        except Exception:  # OCP's have no common base
-            parts = []
-        yield parts
+    try:
+        if channels_first:
+            return _divide(carve([body], tools), knives)
+        channels = _solids(tools[0].fuse(*tools[1:])) if len(tools) > 1 else tools
+        return carve(_divide([body], knives), channels)
+    except Exception:  # OCP's have no common base
+        return []
 
 
 def _divide(parts: list[Any], knives: Sequence[Knife]) -> list[Any]:
     """Return the solids after planar cuts; a cut that fails leaves its piece whole."""
     for knife in knives if parts else ():
         nearest = _nearest(parts, knife.center)
-        plane = _located(knife.plane.origin, knife.plane.axes)
-        try:
-            halves = _solids(bd.split(nearest, bisect_by=plane, keep=bd.Keep.BOTH))
-        except ValueError:  # the splitter's result was null
-            continue
         if knife.region is not None:
             halves = _solids(nearest & solid_of(knife.region[0]))
+        else:
+            plane = _located(knife.plane.origin, knife.plane.axes)
+            try:
+                halves = _solids(bd.split(nearest, bisect_by=plane, keep=bd.Keep.BOTH))
+            except ValueError:  # the splitter's result was null
+                continue
         if knife.taken and halves:
             taken = [_nearest(halves, at) for at in knife.taken]
-            rest = _solids(nearest.cut(*taken))
+            rest = [h for h in halves if h not in taken]
+            if knife.region is not None or not _lie_apart(rest, taken, knife.plane):
+                rest = _solids(nearest.cut(*taken))
             if knife.region is not None:
                 taken = [s for t in taken for s in _solids(t & solid_of(knife.region[1]))]
             halves = taken + rest
         if halves:
             parts = [p for p in parts if p is not nearest] + halves
     return parts
+
+
+def _lie_apart(some: Sequence[Any], others: Sequence[Any], plane: Plane) -> bool:
+    """Return whether two groups of solids lie on different sides of a plane."""
+    sides = [
+        {float((centroid(s.wrapped) - plane.origin) @ plane.normal) > 0 for s in group}
+        for group in (some, others)
+    ]
+    return not sides[0] & sides[1]
 
 
 def _nearest(solids: Sequence[Any], at: Float) -> Any:
