@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
@@ -55,20 +56,39 @@ class Shot:
         return np.asarray((self.view.flat(points) - self.corner) * [1.0, -1.0] * self.scale)
 
 
+class _Plotters(threading.local):
+    """Plotters of this thread that no scene uses. A new one would compile all shaders again."""
+
+    def __init__(self) -> None:
+        self._free: list[Any] = []
+
+    def take(self) -> Any:
+        if self._free:
+            return self._free.pop()
+        plotter = pv.Plotter(off_screen=True, lighting="none")
+        plotter.set_background("white")
+        for place, strength in (((-0.5, 0.8, 1.0), 0.75), ((1.0, 0.0, 0.6), 0.35)):
+            light = pv.Light(position=place, intensity=strength, light_type="camera light")
+            plotter.add_light(light)
+        plotter.enable_parallel_projection()
+        return plotter
+
+    def give_back(self, plotter: Any) -> None:
+        plotter.clear_actors()
+        self._free.append(plotter)
+
+
+_plotters = _Plotters()
+
+
 class Scene:
     """Shapes in the rest frame in mm, to be rendered from any direction.
 
-    Use it in a `with` block: it holds memory of the graphics library until it is closed. Every
-    picture holds all shapes.
+    Use it in a `with` block: the next scene uses the same window. Every picture holds all shapes.
     """
 
     def __init__(self) -> None:
-        self._plotter: Any = pv.Plotter(off_screen=True, lighting="none")
-        self._plotter.set_background("white")
-        for place, strength in (((-0.5, 0.8, 1.0), 0.75), ((1.0, 0.0, 0.6), 0.35)):
-            light = pv.Light(position=place, intensity=strength, light_type="camera light")
-            self._plotter.add_light(light)
-        self._plotter.enable_parallel_projection()
+        self._plotter: Any = _plotters.take()
         self._points: list[Float] = []
         self._named: dict[str, list[Any]] = {}
 
@@ -81,7 +101,7 @@ class Scene:
         error: BaseException | None,
         at: TracebackType | None,
     ) -> None:
-        self._plotter.close()
+        _plotters.give_back(self._plotter)
 
     def solid(
         self, surface: Surface, color: str, opacity: float = 1.0, edges: bool = True, name: str = ""
@@ -191,7 +211,8 @@ class Scene:
         depth = points @ view.back
         focus = middle[0] * view.right + middle[1] * view.up + depth.mean() * view.back
         distance = 2 * float(np.ptp(depth)) + 10
-        self._plotter.window_size = [int(size[0]), int(size[1])]
+        # `Plotter.window_size` would render the scene from the old direction.
+        self._plotter.render_window.SetSize(int(size[0]), int(size[1]))
         camera = self._plotter.camera
         camera.focal_point = tuple(focus)
         camera.position = tuple(focus + distance * view.back)
