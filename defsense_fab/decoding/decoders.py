@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, eigh
+from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
 from ..core.arrays import Float, Int
@@ -151,7 +151,7 @@ def _choose_hyperparameters(
     for k, gamma in enumerate(_GAMMAS):
         kernel = np.exp(-gamma * square)
         for train, test in splits:
-            values, vectors = eigh(kernel[np.ix_(train, train)])
+            values, vectors = np.linalg.eigh(kernel[np.ix_(train, train)])
             projected = vectors.T @ outputs[train]
             basis = kernel[np.ix_(test, train)] @ vectors
             for a, alpha in enumerate(_ALPHAS):

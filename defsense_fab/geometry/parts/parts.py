@@ -127,6 +127,7 @@ def make_parts(
     rules: PartRules,
     report: Callable[[float, str], None] = lambda *_: None,
     solid: Any = None,
+    channels: Sequence[Channel] | None = None,
 ) -> PartSet:
     """Divide a body along its cords' planes into parts that can be printed and assembled.
 
@@ -138,6 +139,7 @@ def make_parts(
         rules: Rules of the parts.
         report: Called with the share of the work that is done and its step.
         solid: The body's TopoDS_Solid, or None.
+        channels: The cords' channels by these rules, if they are known.
 
     Raises:
         FabricationError: If a part cannot be made or fails a check, with the cord or part and the
@@ -146,7 +148,8 @@ def make_parts(
     report(0.05, "cutting facets")
     body = triangle_kernel.to_manifold(surface, "the body")
     _check_one_solid(body)
-    channels = make_channels(sensors, surface, rules.channel, rules.inner_wall, rules.pockets)
+    if channels is None:
+        channels = make_channels(sensors, surface, rules.channel, rules.inner_wall, rules.pockets)
     wall_checks = [
         *check_cord_walls(channels, surface, rules),
         *check_wire_walls(channels, surface, rules),

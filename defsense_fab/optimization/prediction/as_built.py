@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -83,6 +83,7 @@ def fabricate(
     report: Report,
     solid: Any = None,
     bay: Prism | None = None,
+    channels: Sequence[Channel] | None = None,
 ) -> PartSet:
     """Make the parts of a device.
 
@@ -93,6 +94,7 @@ def fabricate(
         report: Called with the share of the work done and a description.
         solid: CAD solid of the body, if any.
         bay: Connector bay, if any.
+        channels: The cords' channels, if they are known.
 
     Raises:
         FabricationError: If a cord or a part fails a check.
@@ -105,7 +107,7 @@ def fabricate(
             cords=violations[0].cords,
             value=violations[0].value,
         )
-    parts = make_parts(surface, sensors, part_rules(device, bay), report, solid)
+    parts = make_parts(surface, sensors, part_rules(device, bay), report, solid, channels)
     for channel in parts.channels:
         stretched = float(arc_lengths(channel.sensing)[-1])
         if stretched < device.cord.min_stretch - _TOLERANCE_MM:
@@ -125,13 +127,27 @@ def fabricate(
     return parts
 
 
+class StrainRelief(NamedTuple):
+    """A decision about the strain relief of the wires.
+
+    Attributes:
+        device: The device with its strain relief decided.
+        channels: The channels of its cords.
+        notes: Notes about the decision.
+    """
+
+    device: Device
+    channels: Sequence[Channel]
+    notes: tuple[str, ...] = ()
+
+
 def decide_strain_relief(
     device: Device,
     task: DesignTask,
     surface: Surface,
     sensors: Sequence[Sensor],
     bay: Prism | None,
-) -> tuple[Device, list[str]]:
+) -> StrainRelief:
     """Decide about strain relief of the wires if the device leaves that open.
 
     Bends are omitted if their deeper pockets would cost too much accuracy on unseen states, leave
@@ -144,35 +160,35 @@ def decide_strain_relief(
         sensors: The cords of the layout.
         bay: Connector bay, if any.
 
-    Returns:
-        The device with its strain relief decided, and notes.
-
     Raises:
         FabricationError: If a path cannot be a channel.
     """
     f = device.fabrication
     if f.strain_relief is not None or not f.pockets:
-        return device, []
+        return StrainRelief(device, _channels(device, surface, sensors, bay))
     options = []
     for relief in (False, True):
         changed = replace(device, fabrication=replace(f, strain_relief=relief))
-        cords = built_cords(task, _channels(changed, surface, sensors, bay))
-        options.append((changed, cords, predict(task, cords).prediction.unseen))
+        channels = _channels(changed, surface, sensors, bay)
+        cords = built_cords(task, channels)
+        error = predict(task, cords).prediction.unseen
+        options.append((StrainRelief(changed, channels), cords, error))
     (straight, _, without), (bent, cords, with_bends) = options
     costs = []
     if with_bends > MAX_ERROR_GROWTH * without:
         costs.append(f"raise the predicted error from {without:.3g} to {with_bends:.3g} mm")
     if any(c.length < device.cord.min_stretch - _TOLERANCE_MM for c in cords):
         costs.append("leave too little cord to stretch")
-    if not _keeps_limits(bent, surface, sensors):
+    if not _keeps_limits(bent.device, surface, sensors):
         costs.append("require longer channels")
     if not costs:
-        return bent, []
-    return straight, [
+        return bent
+    note = (
         "wires leave by the cords' mouths, without a bend that relieves their joints, because the"
         f" deeper pockets would {' and '.join(costs)}. Set strain_relief = true in [fabrication] to"
         " make them"
-    ]
+    )
+    return straight._replace(notes=(note,))
 
 
 def _channels(
@@ -260,8 +276,8 @@ def score_paths(
         bay: Connector bay, if any.
     """
     try:
-        device, _ = decide_strain_relief(device, task, surface, sensors, bay)
-        return score_channels(task, _channels(device, surface, sensors, bay))
+        relief = decide_strain_relief(device, task, surface, sensors, bay)
+        return score_channels(task, relief.channels)
     except FabricationError:
         return predict(task, assumed_cords(task, sensors))
 

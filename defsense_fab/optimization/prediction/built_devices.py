@@ -17,7 +17,12 @@ from ...sensing.memory_residual import (
     memory_residuals,
 )
 from ...store.layout import BandRecord, ErrorRange
-from ..studies.tolerance_monte_carlo import SampledDevice, ToleranceBand, measure_devices, sample_devices
+from ..studies.tolerance_monte_carlo import (
+    SampledDevice,
+    ToleranceBand,
+    measure_devices,
+    sample_devices,
+)
 from .design_task import SEED, DesignTask, device_tolerances
 
 _AFFINE_DECODER = "affine"

@@ -261,8 +261,11 @@ def make_on_trial(
     """
     slants = _count_slanted(layout, directions)
     try:
-        device, relief_notes = decide_strain_relief(device, task, surface, layout.sensors, bay)
-        part_set = fabricate(device, surface, layout.sensors, lambda *_: None, None, bay)
+        relief = decide_strain_relief(device, task, surface, layout.sensors, bay)
+        device = relief.device
+        part_set = fabricate(
+            device, surface, layout.sensors, lambda *_: None, None, bay, relief.channels
+        )
         if device.fabrication.kind == "cast":
             check_openings(part_set)
     except FabricationError as error:
@@ -281,5 +284,5 @@ def make_on_trial(
         (*part_set.warnings, *map(str, find_overstretched_cords(device, part_set, built.cords))),
         part_set=part_set,
         as_built=device,
-        relief_notes=tuple(relief_notes),
+        relief_notes=relief.notes,
     )

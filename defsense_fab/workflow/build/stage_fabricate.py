@@ -105,10 +105,9 @@ def _make_layout(device: Device, build: Build, report: Report) -> Winner:
     sensors = [s.sensor() for s in build.layout.sensors]
     task = load_task(device, build).with_decoder(build.layout.prediction.decoder)
     surface, bay = build.surface, build.body.bay
-    device, notes = decide_strain_relief(device, task, surface, sensors, bay)
-    return Winner(
-        device, tuple(notes), fabricate(device, surface, sensors, report, None, bay), task
-    )
+    device, channels, notes = decide_strain_relief(device, task, surface, sensors, bay)
+    parts = fabricate(device, surface, sensors, report, None, bay, channels)
+    return Winner(device, notes, parts, task)
 
 
 def write_parts(

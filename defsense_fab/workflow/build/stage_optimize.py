@@ -353,6 +353,8 @@ def _search_alternatives(
     start = evaluate_unchanged(task.design, tuple(first.initial))
     layouts += [start] if start else []
     fewer = range(1, len(distinct_planes([s.plane for s in first.sensors])))
+    if not device.propose:  # without new cords, the planes are as many as those drawn
+        fewer = fewer[len(distinct_planes([s.plane for s in device.sensors])) - 1 :][:1]
     searches: list[tuple[int, int | None, Float | None]]  # seed, planes, normals
     count = device.searches or default_searches(len(first.sensors))
     searches = [(seed, device.planes, None) for seed in range(1, count)]

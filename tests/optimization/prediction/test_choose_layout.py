@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.optimization.prediction import choose_layout as module
+from defsense_fab.optimization.prediction.as_built import StrainRelief
 from defsense_fab.optimization.prediction.choose_layout import choose_layout, drop_duplicates
 from defsense_fab.optimization.refinement.refine import OptimizedLayout
 
@@ -38,7 +39,7 @@ def choose(monkeypatch, bar):
         """Choose; cast layouts whose numbers of parts are in `locks` have no moulds."""
         tried = []
 
-        def fabricate(device, surface, sensors, report, solid, bay):
+        def fabricate(device, surface, sensors, *_):
             result = next(m for f, m in zip(layouts, outcomes, strict=True) if f.sensors is sensors)
             tried.append(result)
             if isinstance(result, str):
@@ -68,7 +69,8 @@ def choose(monkeypatch, bar):
                     f"mould of {len(part_set.parts)} parts locks", code="mould-pieces-lock"
                 )
 
-        monkeypatch.setattr(module, "decide_strain_relief", lambda device, *_: (device, []))
+        relief = lambda device, *_: StrainRelief(device, ())  # noqa: E731
+        monkeypatch.setattr(module, "decide_strain_relief", relief)
         monkeypatch.setattr(module, "find_overstretched_cords", lambda *_: [])
         monkeypatch.setattr(module, "mould_rules", lambda device: None)
         monkeypatch.setattr(module, "check_openings", lambda part_set: None)

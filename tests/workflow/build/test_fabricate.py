@@ -232,7 +232,7 @@ def test_bends_are_omitted_if_they_cost_too_much(cube, monkeypatch, loss, length
         ),
     )
     decide = as_built.decide_strain_relief
-    decided, note = decide(device, None, body.surface, device.sensors, None)
+    decided, _, note = decide(device, None, body.surface, device.sensors, None)
     r = part_rules(decided)
     made = make_channels(device.sensors, body.surface, r.channel, r.inner_wall, r.pockets)
     assert sum(len(c.leads) for c in made) == bends
@@ -245,7 +245,7 @@ def test_bends_are_omitted_if_they_cost_too_much(cube, monkeypatch, loss, length
         assert (phrase in "".join(note)) == costs
     assert not verify(device.sensors, body.surface, layout_limits(decided)).violations
     requested = replace(device, fabrication=replace(device.fabrication, strain_relief=True))
-    kept, note = decide(requested, None, body.surface, device.sensors, None)
+    kept, _, note = decide(requested, None, body.surface, device.sensors, None)
     assert kept is requested
     assert not note
 
