@@ -18,13 +18,15 @@ from ....core.errors import MeshingError
 from ....core.machine.child_process import OUT_OF_MEMORY
 from ....core.mesh import Surface, TetMesh
 from .child_work import RunMonitor
-from .mesh_quality import check_mesh, fit_boundary, measure_facet_gaps
+from .mesh_improvement import improve_flat_tets
+from .mesh_quality import bound_ratio, check_mesh, fit_boundary, measure_facet_gaps
 from .meshers import FTETWILD, NETGEN, UnusableMesherError, run_mesher
 from .simplification import (
     MIN_FINE_TRIANGLES,
     SimplifiedSurface,
     is_creased,
     is_fine,
+    is_rough,
     measure_deviation,
 )
 from .surface_remeshing import remesh_in_time, remesh_on_grid_in_time, simplify_in_time
@@ -84,7 +86,8 @@ class MeshingMethod:
 def plan_methods(surface: Surface, edge_length: float) -> list[MeshingMethod]:
     """Return all methods, the best first.
 
-    Repeatable methods come first, unless the body has sharp edges that only fTetWild keeps.
+    Repeatable methods come first, unless the body has sharp edges that only fTetWild keeps. Folds
+    of the skin that are no edges of the body are left to remeshing.
 
     Args:
         surface: Surface of the body.
@@ -140,6 +143,8 @@ def plan_methods(surface: Surface, edge_length: float) -> list[MeshingMethod]:
         return [*remeshed, direct, grid, fine, coarse]
     if is_creased(surface):
         return [direct, fine, *remeshed, grid, coarse]
+    if is_rough(surface):
+        return [*remeshed, grid, direct, fine, coarse]
     return [direct, *remeshed, grid, fine, coarse]
 
 
@@ -195,8 +200,14 @@ def _fill_remeshed(
         )
     no_sizes = {"points": np.zeros((0, 3)), "edges": []}
     task = {"edge_length": edge_length, "fill": True} | no_sizes
-    mesh = fit_boundary(run_mesher(NETGEN, remeshed, task, monitor), surface)
-    return mesh, MeshedSurface(len(remeshed.faces), len(surface.faces), tolerance, distance)
+    mesh = run_mesher(NETGEN, remeshed, task, monitor)
+    if len(mesh.boundary().faces) != len(remeshed.faces):
+        raise MeshingError(
+            "the mesher changed triangles, which cross each other", code="surface-crosses-itself"
+        )
+    return fit_boundary(mesh, surface), MeshedSurface(
+        len(remeshed.faces), len(surface.faces), tolerance, distance
+    )
 
 
 def _ftetwild_step(
@@ -298,8 +309,11 @@ def tetrahedralize(
     deadline = time.monotonic() + time_limit
     tried: list[str] = []
     stopped = False
+    best: tuple[float, Tetrahedra] | None = None
     plan = plan_methods(surface, edge_length)
     for k, method in enumerate(plan):
+        if best is not None and not _is_alternative(method, surface):
+            break
         limit = min(method.share * time_limit, deadline - time.monotonic())
         if limit <= 0:
             tried.append(f"no time was left for {', '.join(m.name for m in plan[k:])}")
@@ -310,7 +324,7 @@ def tetrahedralize(
         started_at = time.monotonic()
         try:
             mesh, meshed = method.make(monitor)
-            mesh = check_mesh(mesh, surface, edge_length)
+            mesh = check_mesh(improve_flat_tets(mesh, surface), surface, edge_length)
         except UnusableMesherError:
             raise
         except (MeshingError, RuntimeError, ValueError, MemoryError) as error:
@@ -320,10 +334,20 @@ def tetrahedralize(
             reason = OUT_OF_MEMORY if isinstance(error, MemoryError) else str(error)
             tried.append(f"{method.name}: {' '.join(reason.split()).partition(';')[0]}")
         else:
-            failures = tuple(tried)
-            return Tetrahedra(
-                mesh, method.mesher, method.name, meshed, failures, stopped, time_limit
-            )
+            ratio = bound_ratio(mesh)
+            if best is None or ratio > best[0]:
+                failures = tuple(tried)
+                best = (
+                    ratio,
+                    Tetrahedra(
+                        mesh, method.mesher, method.name, meshed, failures, stopped, time_limit
+                    ),
+                )
+            if ratio >= 1:
+                break
+            tried.append(f"{method.name}: it made flat tets")
+    if best is not None:
+        return best[1]
     is_out_of_time = time.monotonic() >= deadline
     raise MeshingError(
         f"no method filled the body's surface with tets ({'. '.join(tried)})",
@@ -333,6 +357,13 @@ def tetrahedralize(
         limit=time_limit,
         out_of_time=is_out_of_time,
     )
+
+
+def _is_alternative(method: MeshingMethod, surface: Surface) -> bool:
+    """Return whether a method may replace a sound mesh that has some flat tets: it makes the same
+    mesh each time, and no edges of the body are cut.
+    """
+    return method.mesher == NETGEN and not is_creased(surface)
 
 
 def _describe_last(tried: list[str]) -> str:
