@@ -43,7 +43,7 @@ def write_device(folder: Path, seed: int, triangles: int | None) -> int:
         f'name = "silicone-shore-30a"\n\n[mesh]\nedge_length = {EDGE_MM}\n\n[regions]\n'
         f"base = {{ half_space = {{ origin = {origin}, normal = {normal} }} }}\n\n[outputs]\n"
         'markers = 30\nanchor = "base"\n\n[cord]\nname = "rubber-2mm"\nnoise = 0.002\n\n'
-        '[fabrication]\nprocess = "cast-silicone"\n\n[design]\nsensors = 2\n'
+        '[fabrication]\nprocess = "fdm-tpu"\n\n[design]\nsensors = 2\n'
     )
     return len(surface.faces)
 

@@ -40,6 +40,8 @@ MAX_GAP_EDGES = 0.03
 REMESHED_TOLERANCE_EDGES, GRID_TOLERANCE_EDGES = 0.35, 0.6
 #: Edges of remeshed triangles, in edges of the tets: if they cross each other, the next is used.
 EDGE_FACTORS = (1.0, 0.75, 0.55)
+#: Meshes of more tets than this times those that the edge length asks for are replaced if possible.
+MAX_TETS_RATIO = 4.0
 #: fTetWild's envelope in edges, its largest share of the body's size, and the coarser envelope.
 ENVELOPE_EDGES, MAX_ENVELOPE, COARSE_ENVELOPE_EDGES = 0.02, 1e-3, 0.06
 
@@ -94,7 +96,7 @@ def plan_methods(surface: Surface, edge_length: float) -> list[MeshingMethod]:
         edge_length: Edge length of the tets, mm.
     """
     triangles = len(surface.faces)
-    tets = 8.5 * abs(surface.volume) / edge_length**3
+    tets = count_tets(surface, edge_length)
     fine_surface = is_fine(surface, edge_length)
     surface_name = "the simplified surface" if fine_surface else "the surface"
     simplified = _LazySimplification(surface, edge_length, fine_surface)
@@ -334,18 +336,16 @@ def tetrahedralize(
             reason = OUT_OF_MEMORY if isinstance(error, MemoryError) else str(error)
             tried.append(f"{method.name}: {' '.join(reason.split()).partition(';')[0]}")
         else:
-            ratio = bound_ratio(mesh)
-            if best is None or ratio > best[0]:
+            score = _score(mesh, surface, edge_length)
+            if best is None or score > best[0]:
                 failures = tuple(tried)
-                best = (
-                    ratio,
-                    Tetrahedra(
-                        mesh, method.mesher, method.name, meshed, failures, stopped, time_limit
-                    ),
+                made = Tetrahedra(
+                    mesh, method.mesher, method.name, meshed, failures, stopped, time_limit
                 )
-            if ratio >= 1:
+                best = score, made
+            if score >= 1:
                 break
-            tried.append(f"{method.name}: it made flat tets")
+            tried.append(f"{method.name}: it made flat tets, or too many ({len(mesh.tets):,})")
     if best is not None:
         return best[1]
     is_out_of_time = time.monotonic() >= deadline
@@ -359,9 +359,20 @@ def tetrahedralize(
     )
 
 
+def _score(mesh: TetMesh, surface: Surface, edge_length: float) -> float:
+    """Return how near a mesh comes to the bounds on its angles and its number of tets, up to 1."""
+    max_tets = MAX_TETS_RATIO * count_tets(surface, edge_length)
+    return min(bound_ratio(mesh), 1.0) * min(max_tets / len(mesh.tets), 1.0)
+
+
+def count_tets(surface: Surface, edge_length: float) -> float:
+    """Return about how many tets of an edge length (mm) fill a surface."""
+    return 8.5 * abs(surface.volume) / edge_length**3
+
+
 def _is_alternative(method: MeshingMethod, surface: Surface) -> bool:
-    """Return whether a method may replace a sound mesh that has some flat tets: it makes the same
-    mesh each time, and no edges of the body are cut.
+    """Return whether a method may replace a sound mesh that has flat or too many tets: it makes
+    the same mesh each time, and no edges of the body are cut.
     """
     return method.mesher == NETGEN and not is_creased(surface)
 
@@ -387,7 +398,7 @@ def _advice(is_out_of_time: bool, edge_length: float, time_limit: float) -> str:
 def _check_size(surface: Surface, edge_length: float) -> None:
     """Raise MeshingError if the edge length does not fit the body."""
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
-    if edge_length < 1e-4 * size or 8.5 * surface.volume / edge_length**3 > 2e6:
+    if edge_length < 1e-4 * size or count_tets(surface, edge_length) > 2e6:
         raise MeshingError(
             f"{edge_length:g} mm gives more than 2e6 tets",
             code="edge-too-short",

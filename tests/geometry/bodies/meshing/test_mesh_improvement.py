@@ -96,3 +96,14 @@ def test_rough_skin_does_not_make_the_tets_smaller():
     assert quality.min_dihedral > 12
     assert abs(quality.volume_change) < 0.01
     assert bound_ratio(result.mesh) >= 1
+
+
+def test_mesh_of_far_too_many_tets_is_replaced(monkeypatch):
+    ball = from_trimesh(trimesh.creation.icosphere(3, 30))
+    usual = tetrahedralize(ball, 10.0)
+    assert usual.tried == ()
+    monkeypatch.setattr("defsense_fab.geometry.bodies.meshing.tetrahedra.MAX_EDGE", 0.3)
+    fewer = tetrahedralize(ball, 10.0)
+    assert len(fewer.tried) == 1
+    assert len(fewer.mesh.tets) < 4 * 8.5 * ball.volume / 10.0**3
+    assert bound_ratio(fewer.mesh) >= 1
