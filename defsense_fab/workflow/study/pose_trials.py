@@ -18,9 +18,9 @@ from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.loading.pose import mix_poses
 from ...mechanics.solver.batch import Job, Solve, solve_all
-from ...mechanics.solver.fields import locate_largest_strain
+from ...mechanics.solver.fields import check_field, locate_largest_strain
 from ...mechanics.solver.linear_response import ProposedPose
-from ...mechanics.solver.load_stepping import Equilibrium
+from ...mechanics.solver.load_stepping import Equilibrium, Status
 
 #: Amplitudes of a weakened pose, relative to the proposed one.
 WEAKER = (0.25, 0.5, 0.75)
@@ -32,7 +32,9 @@ TRIAL_BUDGET = 40
 
 @dataclass(frozen=True)
 class _Trial:
-    """The outcome at one amplitude: largest strain (NaN if not reached) and factorizations."""
+    """The outcome at one amplitude: largest strain (NaN if not reached, infinite if tets are
+    inverted) and factorizations.
+    """
 
     amplitude: float
     strain: float
@@ -40,8 +42,10 @@ class _Trial:
 
     def problem(self, max_strain: float, max_effort: float) -> str:
         """Return why a pose cannot have this amplitude; an empty text if it can."""
-        if not np.isfinite(self.strain):
+        if np.isnan(self.strain):
             return "the solver does not reach it"
+        if np.isinf(self.strain):
+            return "it turns tets of the mesh inside out"
         if self.strain > max_strain:
             return (
                 f"it strains the body by {self.strain:.0%}, and the material breaks at"
@@ -131,6 +135,8 @@ def _list_trials(
     for amplitude, result in zip(amplitudes, results, strict=False):
         effort += result.statistics.factors
         strain = np.nan if result.u is None else locate_largest_strain(mesh, result.u)[0]
+        if result.status is Status.UNSOUND and len(check_field(mesh, result.u).inverted):
+            strain = np.inf
         trials.append(_Trial(amplitude, strain, effort))
     return trials
 

@@ -97,3 +97,11 @@ def test_every_material_has_an_elongation():
         assert limit is not None
         assert 0.5 < limit < 15
     assert elongation_at_break("custom") is None
+
+
+def test_pose_that_inverts_tets_is_weakened(device, mesh):
+    crushed = pose("crush", translation=(-110.0, 0, 0))
+    rubber = replace(device, material=replace(device.material, name="unknown"))
+    kept, notes = run(rubber, mesh, [crushed])
+    assert len(notes) == 1
+    assert all(0 > p.translation[0] > -110 for p in kept)
