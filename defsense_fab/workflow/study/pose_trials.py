@@ -134,9 +134,11 @@ def _list_trials(
     trials, effort = [], 0
     for amplitude, result in zip(amplitudes, results, strict=False):
         effort += result.statistics.factors
-        strain = np.nan if result.u is None else locate_largest_strain(mesh, result.u)[0]
-        if result.status is Status.UNSOUND and len(check_field(mesh, result.u).inverted):
-            strain = np.inf
+        strain = np.nan
+        if result.u is not None:
+            strain = locate_largest_strain(mesh, result.u)[0]
+            if result.status is Status.UNSOUND and len(check_field(mesh, result.u).inverted):
+                strain = np.inf
         trials.append(_Trial(amplitude, strain, effort))
     return trials
 
