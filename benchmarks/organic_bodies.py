@@ -246,6 +246,88 @@ def _y_up() -> Surface:
     return Surface(hand.vertices[:, [0, 2, 1]] * [1, 1, -1], hand.faces)
 
 
+def _limb(rng: np.random.Generator, at: Float, along: Float, long: float, r: float) -> list[Field]:
+    """Return a limb of three bent pieces that taper."""
+    points = [at]
+    for _ in range(3):
+        along = along + 0.25 * rng.normal(size=3)
+        points.append(points[-1] + long / 3 * along / np.linalg.norm(along))
+    return path(np.array(points), r * np.array([1.0, 0.8, 0.65, 0.6]))
+
+
+def _flap(center: Float, long: float, wide: float, thick: float, turn: Float) -> Field:
+    """Return an ear or a fin: a flat ellipsoid along the axes `turn` (3, 3)."""
+    radii = np.array([wide / 2, thick / 2, long / 2])
+
+    def field(p: Float) -> Float:
+        q = (p - center) @ turn
+        k0, k1 = (np.linalg.norm(q / radii**n, axis=1) for n in (1, 2))
+        return np.asarray(k0 * (k0 - 1) / np.maximum(k1, 1e-9))
+
+    return field
+
+
+def animal(seed: int, triangles: int | None = None) -> Surface:
+    """Return a random animal of 150 mm with ears, limbs, a tail and fins.
+
+    Every other animal has triangles that are large where the skin is flat, like edited scans; the
+    others have even ones.
+
+    Args:
+        seed: Seed of all proportions.
+        triangles: Number of triangles, about; drawn between 5,000 and 20,000 by default.
+    """
+    from scipy.spatial.transform import Rotation
+
+    rng = np.random.default_rng(seed)
+    drawn = int(rng.uniform(5_000, 20_000))
+    girth = rng.uniform(0.75, 1.25)
+    trunk = np.array([42, 19 * girth, 20 * girth]) * rng.uniform(0.9, 1.1, 3)
+    head = np.array([trunk[0] + 12, 0, 16 + 8 * rng.uniform()])
+    size = rng.uniform(12, 19)
+    parts = [
+        ellipsoid([0, 0, 0], list(trunk)),
+        ellipsoid(list(head), list(size * rng.uniform(0.8, 1.15, 3))),
+        capsule([0.6 * trunk[0], 0, 4], list(head), 0.7 * size, 0.6 * size),
+        capsule(list(head), list(head + np.array([1.3 * size, 0, -5])), 0.5 * size, 0.35 * size),
+        *_limb(rng, np.array([-0.85 * trunk[0], 0, 4]), np.array([-1, 0, rng.normal()]),
+               rng.uniform(30, 60), rng.uniform(4, 8)),
+    ]  # fmt: skip
+    for side in (-1, 1):
+        ear = Rotation.from_rotvec([0.4 * side * rng.uniform(), 0, rng.normal(scale=0.5)])
+        long = rng.uniform(14, 30)
+        at = head + np.array([-2, side * 0.65 * size, 0.6 * size + 0.25 * long])
+        parts.append(_flap(at, long, rng.uniform(9, 16), rng.uniform(3, 5), ear.as_matrix()))
+        for end in (-0.55, 0.55):
+            hip = np.array([end * trunk[0], side * 0.55 * trunk[1], -0.5 * trunk[2]])
+            down = np.array([0.1 * rng.normal(), 0.15 * side, -1.0])
+            parts += _limb(rng, hip, down, rng.uniform(28, 50), rng.uniform(6, 9.5))
+    for _ in range(rng.integers(1, 4)):
+        fin = Rotation.from_rotvec([0.2 * rng.normal(), 0, np.pi / 2 + 0.2 * rng.normal()])
+        at = np.array([rng.uniform(-0.6, 0.6) * trunk[0], 0, trunk[2] + 2])
+        shape = rng.uniform(18, 32), rng.uniform(14, 26), rng.uniform(3, 5)
+        turn = fin.as_matrix()[:, [1, 0, 2]] * [1, -1, 1]
+        parts.append(_flap(at, shape[0], shape[1], shape[2], turn @ np.diag([-1.0, -1, 1])))
+    field = bumpy(joined(parts, 3.5), 0.3, rng.uniform(5, 12), seed)
+    count = triangles or drawn
+    even = meshed(field, [-125, -60, -90], [110, 60, 90], 1.6)
+    step = 1.6 * np.sqrt(len(even.faces) / (count if seed % 2 else 3 * count))
+    solid = meshed(field, [-125, -60, -90], [110, 60, 90], float(step))
+    if not seed % 2:
+        solid = _thinned(solid, count)
+    return Surface(solid.vertices * 150 / np.ptp(solid.bounds, axis=0).max(), solid.faces)
+
+
+def _thinned(surface: Surface, count: int) -> Surface:
+    """Return the surface with `count` triangles, large where it is flat."""
+    import igl
+
+    vertices, faces, *_ = igl.qslim(
+        np.asfortranarray(surface.vertices), np.asfortranarray(surface.faces, np.int32), count
+    )
+    return Surface(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, np.int64))
+
+
 #: Each body's maker, by name.
 BODIES: dict[str, Callable[[], Surface]] = {
     "armadillo": _armadillo, "genus-4": _genus_4, "tall": _tall, "flat": _flat,

@@ -26,6 +26,11 @@ def subrange(report: Report, low: float, high: float) -> Report:
     return lambda fraction, message: report(low + (high - low) * fraction, message)
 
 
+def describe_duration(seconds: float) -> str:
+    """Return a duration for people, as in "40 s" or "12 min"."""
+    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
+
+
 @dataclass(frozen=True)
 class Notice:
     """A doubt about data or a device.

@@ -58,7 +58,8 @@ def _modes(
             rows = [
                 {"frequency": m.frequency, "kind": m.kind, "order": m.order} for m in proposal.modes
             ]
-            print_json({"modes": rows, "toml": proposal.text, "picture": str(proposal.picture)})
+            result = {"modes": rows, "toml": proposal.text, "picture": str(proposal.picture)}
+            print_json(result | {"notes": list(proposal.notes)})
             return
         _print_modes(proposal, options.fixed)
         next_step = (
@@ -94,4 +95,4 @@ def _print_modes(proposal: Proposal, fixed: str) -> None:
     for mode in proposal.modes:
         table.add_row(f"{mode.frequency:.3g}", mode.kind, str(mode.order))
     console().print(table)
-    print_lines([proposal.text])
+    print_lines([proposal.text, *(f"note: {note}" for note in proposal.notes)])

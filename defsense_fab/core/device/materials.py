@@ -74,6 +74,12 @@ def modulus_from_shore(hardness: str) -> ShoreModulus:
     return ShoreModulus(value, value / factor, value * factor)
 
 
+def elongation_at_break(name: str) -> float | None:
+    """Return the strain at which a material of `data/materials.csv` breaks, or None if unknown."""
+    percent = read_rows("materials.csv").get(name, {}).get("elongation_at_break")
+    return float(percent) / 100 if percent else None
+
+
 @dataclass(frozen=True)
 class Silicone:
     """How a silicone is mixed and cast: a row of `data/silicones.csv`.

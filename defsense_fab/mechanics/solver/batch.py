@@ -11,8 +11,17 @@ from ..elements.material import Material
 from ..elements.tet10 import QuadraticMesh
 from ..elements.threads import count_cores
 from ..loading.boundary_conditions import BoundaryConditions, rest_state
-from .load_stepping import Equilibrium, confirm_equilibria, continue_from_free, follow
+from .load_stepping import (
+    Equilibrium,
+    Stepping,
+    confirm_equilibria,
+    continue_from_free,
+    follow,
+)
 from .newton import System
+
+#: Usual states take 1 to 10 factorizations, states that buckle up to 30.
+STATE_BUDGET = 100
 
 
 @dataclass(frozen=True)
@@ -23,11 +32,13 @@ class Job:
         conditions: Boundary conditions at the full amplitude.
         fractions: Increasing fractions of the way from rest of the requested equilibria.
         name: Name for people.
+        budget: Number of factorizations after which one of the equilibria is given up.
     """
 
     conditions: BoundaryConditions
     fractions: tuple[float, ...]
     name: str = ""
+    budget: int = STATE_BUDGET
 
 
 #: Takes what `solve_all` takes but the threads, and returns the same.
@@ -88,7 +99,13 @@ def solve_all(
                 start = rest_state(job.conditions, len(mesh.nodes))
                 report = (lambda at, i=i: on_step(i, at)) if on_step else None
                 equilibria = follow(
-                    system, start, job.conditions, job.fractions, report, is_cancelled.is_set
+                    system,
+                    start,
+                    job.conditions,
+                    job.fractions,
+                    report,
+                    is_cancelled.is_set,
+                    Stepping(budget=job.budget),
                 )
                 equilibria = confirm_equilibria(
                     system, start, job.conditions, equilibria, job.fractions, is_cancelled.is_set

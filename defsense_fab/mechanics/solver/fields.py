@@ -47,6 +47,19 @@ class FieldValidity:
         return "; ".join(defects) or None
 
 
+def locate_largest_strain(mesh: QuadraticMesh, u: Float) -> tuple[float, Float]:
+    """Return the largest principal strain of displacements u (n, 3) mm, and where it is.
+
+    It is averaged over each tet, since single points next to a held region stretch without bound.
+
+    Returns:
+        The engineering strain, and the point (3,) mm of the body at rest.
+    """
+    stretch = principal_stretches(deformation_gradient(mesh, u))[..., 0].mean(axis=1)
+    worst = int(stretch.argmax())
+    return float(stretch[worst] - 1), np.asarray(mesh.nodes[mesh.cells[worst, :4]].mean(axis=0))
+
+
 def nodal_gradients(mesh: QuadraticMesh, u: Float) -> Float:
     """Return F (m, 10, 3, 3) of each tet at its ten nodes."""
     by = np.einsum("vnb,mbj->mvnj", shape_derivatives(_NODES), mesh.bary_gradient)

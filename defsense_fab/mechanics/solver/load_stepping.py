@@ -31,12 +31,13 @@ _SAME_EQUILIBRIUM_RTOL = 0.01  # of the body's size, by which one equilibrium ma
 
 
 class Status(StrEnum):
-    """How a solve ended. `NOT_REACHED` and `CANCELLED` come without a field."""
+    """How a solve ended. `NOT_REACHED`, `OVER_BUDGET` and `CANCELLED` come without a field."""
 
     OK = "ok"
     UNSOUND = "unsound"  # equilibrium, but inverted, self-penetrating, or one of several
     UNSTABLE = "unstable"  # equilibrium, but a saddle of the energy: the body would buckle
     NOT_REACHED = "not reached"
+    OVER_BUDGET = "over budget"
     CANCELLED = "cancelled"
 
 
@@ -134,12 +135,15 @@ class Stepping:
             mesh. It is used only if one step leads to the goal.
         largest_turn: Largest turn of a handle in one step, rad.
         tolerance: Residual at the requested fractions, relative to the largest nodal force.
+        budget: Number of factorizations after which a requested fraction is given up; None for no
+            limit.
     """
 
     check: bool = True
     guess: Float | None = None
     largest_turn: float = MAX_STEP_TURN_RAD
     tolerance: float = TOLERANCE
+    budget: int | None = None
 
 
 @dataclass
@@ -190,8 +194,8 @@ def follow(
         stepping: How steps are taken and checked.
 
     Returns:
-        One record per fraction. After a fraction that was not reached, or a cancellation, the list
-        ends with a record without a state.
+        One record per fraction. After a fraction that was not reached within the budget, or a
+        cancellation, the list ends with a record without a state.
 
     Raises:
         ValueError: If `goal` has another structure than the system.
@@ -221,13 +225,18 @@ def follow(
                 return [*results, Equilibrium(Status.CANCELLED, None, fraction, stats, state)]
             guess = None  # it is valid for a single step to the goal
             effort.add(attempt)
+            failure = None
             if attempt.state is None:
                 step = (next_fraction - fraction) / 2
-                if step < min_step:
-                    stats = effort.statistics()
-                    return [*results, Equilibrium(Status.NOT_REACHED, None, fraction, stats, state)]
+                failure = Status.NOT_REACHED if step < min_step else None
+            else:
+                state, fraction = attempt.state, next_fraction
+            if stepping.budget and effort.factors >= stepping.budget and fraction < target - 1e-12:
+                failure = failure or Status.OVER_BUDGET
+            if failure:
+                return [*results, Equilibrium(failure, None, fraction, effort.statistics(), state)]
+            if attempt.state is None:
                 continue
-            state, fraction = attempt.state, next_fraction
             if attempt.factors <= EASY_STEP_MATRICES:
                 step = min(2 * step, max_step)
             if on_step:

@@ -119,7 +119,7 @@ class SolvedJobs:
                 path.unlink(missing_ok=True)
 
     def _path(self, body: str, material: Material, job: Job) -> Path:
-        key = digest(body, _plain(material), _plain(job.conditions), job.fractions)
+        key = digest(body, _plain(material), _plain(job.conditions), job.fractions, job.budget)
         return self._folder / f"{key}.npz"
 
     def _save(self, path: Path, equilibria: Sequence[Equilibrium]) -> None:

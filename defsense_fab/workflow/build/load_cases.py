@@ -13,8 +13,11 @@ from ...core.errors import DeviceError
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.loading.constraint_check import check_constraints, warn_small_region
 from ...mechanics.loading.pose import mix_poses
-from ...mechanics.solver.batch import Job
+from ...mechanics.solver.batch import STATE_BUDGET, Job
 from ...store.fields import StateRecord
+
+#: Factorizations after which a proposed mixture is left out.
+PROPOSED_BUDGET = 40
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,8 @@ def prepare_jobs(
         for name in sorted(fixed):
             nodes = np.flatnonzero(device.regions[name].contains(mesh.nodes))
             warnings += warn_small_region(mesh, nodes, name)
-        jobs.append(Job(conditions, loading.fractions, loading.label))
+        budget = PROPOSED_BUDGET if loading.optional else STATE_BUDGET
+        jobs.append(Job(conditions, loading.fractions, loading.label, budget))
     return kept, jobs, list(dict.fromkeys(warnings))
 
 

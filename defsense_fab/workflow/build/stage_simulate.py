@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
+
+import numpy as np
 
 from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.device.material_table import unusual_properties
 from ...core.errors import SolveError
+from ...core.progress import describe_duration
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.solver.batch import Solve, solve_all
+from ...mechanics.solver.fields import locate_largest_strain
 from ...mechanics.solver.linear_solver import solver_name
-from ...mechanics.solver.load_stepping import Equilibrium
+from ...mechanics.solver.load_stepping import Equilibrium, Status
 from ...mechanics.solver.solved_jobs import SolvedJobs
 from ...store.build import Build
 from ...store.fields import (
@@ -31,6 +36,8 @@ from ...store.fields import (
 from .load_cases import Loading, list_loadings, prepare_jobs
 from .stages import CODE_VERSION, Report
 
+#: Jobs that end within this time were solved before; the time left is estimated after this time, s.
+_RESUMED_WITHIN_S, _ESTIMATED_AFTER_S = 0.3, 3.0
 # Dihedral angle of a tetrahedron below which it is a sliver, degrees.
 _SLIVER_ANGLE_DEG = 2.0
 _UNREACHED = "not-reached"
@@ -64,7 +71,7 @@ def run(device: Device, build: Build, report: Report, solve: Solve = solve_all) 
             f"the mesh has a sliver with an angle of {angle:.1f} degrees, where strains are"
             " unreliable. Use another [mesh] edge_length, or repair thin folds of the body"
         )
-    on_step = _progress_of_jobs(plan, report)
+    on_step = track_jobs(plan, report)
     kept = SolvedJobs(("simulate", CODE_VERSION), partial(report, 0.0))
     solutions = kept.solve(solve, mesh, material, jobs, on_step)
     _save_fields(device, build, list(zip(plan, solutions, strict=True)), warnings)
@@ -107,16 +114,27 @@ def _save_fields(
     build.fields = Fields.of(states, fields)
 
 
-def _progress_of_jobs(plan: Sequence[Loading], report: Report) -> Callable[[int, float], None]:
-    """Return a callback that reports the progress of jobs, which run in several threads."""
+def track_jobs(plan: Sequence[Loading], report: Report) -> Callable[[int, float], None]:
+    """Return a callback that reports the progress of jobs, which run in several threads, and the
+    estimated time left.
+    """
     fractions = [0.0] * len(plan)
     lock = threading.Lock()
+    started_at, at_start = time.monotonic(), 0.0
 
     def show(job: int, fraction: float) -> None:
+        nonlocal at_start
         with lock:
+            seconds = time.monotonic() - started_at
+            if fraction == 1.0 and not fractions[job] and seconds < _RESUMED_WITHIN_S:
+                at_start += 1.0
             fractions[job] = fraction
+            done = sum(fractions)
             message = f"{plan[job].label}: {100 * fraction:.0f} %"
-            report(sum(fractions) / len(plan), message)
+            if seconds > _ESTIMATED_AFTER_S and at_start < done < len(plan):
+                left = seconds / (done - at_start) * (len(plan) - done)
+                message += f", about {describe_duration(left)} left"
+            report(done / len(plan), message)
 
     return show
 
@@ -130,6 +148,14 @@ def _refuse_unreached(
     """
     if last.converged:
         return
+    is_over = last.status is Status.OVER_BUDGET
+    effort = f" within its budget, after {last.statistics.factors} matrices," if is_over else ""
+    strain, point, region, place = None, None, None, ""
+    if last.last_state is not None and last.amplitude > 0:
+        strain, point = locate_largest_strain(mesh, last.last_state.u)
+        region = _nearest_region(device, loading, mesh, point)
+        at = ", ".join(f"{x:.3g}" for x in point)
+        place = f"; its largest strain, {strain:.0%}, is at ({at}) mm, next to {region!r}"
     state, path, saved = loading.label, None, ""
     if last.last_state is not None and last.amplitude > 0:
         folder = device.source / _UNREACHED
@@ -138,11 +164,29 @@ def _refuse_unreached(
         save_field(path, mesh, last.last_state.u, {})
         saved = f" (the body at that amplitude: {path})"
     raise SolveError(
-        f"{state!r} did not converge beyond {last.amplitude:.0%} of its amplitude{saved}",
-        code="pose-not-reached",
+        f"{state!r} did not converge{effort} beyond {last.amplitude:.0%} of its amplitude{place}"
+        f"{saved}",
+        code="pose-over-budget" if is_over else "pose-not-reached",
         where="device.toml: poses",
-        action="Reduce its movement or load, enlarge its regions, or refine the mesh",
+        action=f"Reduce its movement or load to less than {last.amplitude:.0%}, enlarge"
+        f" {repr(region) if region else 'its regions'}, or refine the mesh. States that were"
+        " solved are kept",
         state=state,
         amplitude=last.amplitude,
         path=path,
+        region=region,
+        strain=strain,
+        point=point,
     )
+
+
+def _nearest_region(device: Device, loading: Loading, mesh: QuadraticMesh, point: Float) -> str:
+    """Return the name of the region of a loading's poses that is nearest to a point (3,) mm."""
+    poses = [p for p in device.poses if loading.weights.get(p.name)]
+    names = {n for p in poses for n in (*p.fixed, *(h.region for h in p.handles))}
+
+    def distance(name: str) -> float:
+        nodes = mesh.nodes[device.regions[name].contains(mesh.nodes)]
+        return float(np.linalg.norm(nodes - point, axis=1).min(initial=np.inf))
+
+    return min(sorted(names), key=distance)

@@ -31,6 +31,7 @@ from ...mechanics.solver.linear_response import ProposedPose as ProposedPose
 from ...store.mesh import load_mesh
 from ..build.build import build
 from .options import ModesOptions
+from .pose_trials import try_poses
 
 #: Name of the region that the proposed poses move.
 END = "far_end"
@@ -46,12 +47,14 @@ class Proposal:
         poses: Poses made of modes.
         text: Text of the poses for `device.toml`.
         picture: Picture of the poses.
+        notes: Poses that were weakened or dropped, and why.
     """
 
     modes: tuple[Mode, ...]
     poses: tuple[ProposedPose, ...]
     text: str
     picture: Path
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -63,12 +66,14 @@ class PoseSearch:
         modes: Its lowest modes.
         poses: Poses made of modes.
         region: Name of the region that the poses move; the device may have it already.
+        notes: Poses that were weakened or dropped, and why.
     """
 
     mesh: QuadraticMesh
     modes: tuple[Mode, ...]
     poses: tuple[ProposedPose, ...]
     region: str
+    notes: tuple[str, ...] = ()
 
     @property
     def surface_nodes(self) -> Int:
@@ -82,7 +87,10 @@ class PoseSearch:
 
 
 def find_poses(device: Device, options: ModesOptions, progress: Progress = silent) -> PoseSearch:
-    """Find the lowest modes of a body that is held by a region.
+    """Find the lowest modes of a body that is held by a region, and poses made of them.
+
+    Poses beyond the material's elongation at break, and those that take ten times as long to solve
+    as the others, are weakened or dropped.
 
     Args:
         device: The device; it may lack poses and sensors.
@@ -120,7 +128,18 @@ def find_poses(device: Device, options: ModesOptions, progress: Progress = silen
         mesh, Material.from_spec(device.material), held, device.material.density, count
     )
     poses = linear_response.propose_poses(mesh, held, modes)
-    return PoseSearch(mesh, tuple(modes), tuple(poses), _end_region(device, poses))
+    region = _end_region(device, poses)
+    if not poses:
+        return PoseSearch(mesh, tuple(modes), (), region)
+    poses, notes = try_poses(
+        device,
+        mesh,
+        fixed,
+        (region, HalfSpace(poses[0].origin, poses[0].axis)),
+        poses,
+        report=lambda done: progress("modes", 0.3 + 0.5 * done, "trying the poses"),
+    )
+    return PoseSearch(mesh, tuple(modes), tuple(poses), region, tuple(notes))
 
 
 def propose_poses(device: Device, options: ModesOptions, progress: Progress = silent) -> Proposal:
@@ -132,7 +151,7 @@ def propose_poses(device: Device, options: ModesOptions, progress: Progress = si
         _draw(search, picture)
     progress("modes", 1.0, "done")
     text = as_toml(list(search.poses), options.fixed, search.region)
-    return Proposal(search.modes, search.poses, text, picture)
+    return Proposal(search.modes, search.poses, text, picture, search.notes)
 
 
 def _end_region(device: Device, poses: Sequence[ProposedPose]) -> str:

@@ -176,6 +176,19 @@ def test_an_impossible_pose_has_a_status_but_no_field(mesh):
     assert np.linalg.det(F).min() > 0
 
 
+def test_a_state_over_its_budget_returns_how_far_it_came(mesh, clamp):
+    goal = clamp(mesh, [np.deg2rad(250), 0, 0])  # takes three steps
+    (whole,), (result,) = (
+        solve_all(mesh, MATERIAL, [Job(goal, (1.0,), budget=budget)])[0] for budget in (50, 2)
+    )
+    assert whole.converged
+    assert result.status == Status.OVER_BUDGET
+    assert result.u is None
+    assert 0 < result.amplitude < 1
+    assert result.last_state is not None
+    assert result.statistics.factors < whole.statistics.factors
+
+
 def test_a_fully_prescribed_body_needs_no_solver(mesh):
     every = np.arange(len(mesh.nodes))
     moved = RigidHandle(every, np.array([75.0, 0, 0]), np.array([0, 0, 0.4]), np.array([3.0, 0, 0]))

@@ -2,15 +2,20 @@
 
 import re
 import shutil
+import time
 from dataclasses import replace
 
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.errors import SolveError
 from defsense_fab.mechanics.solver.batch import solve_all
+from defsense_fab.mechanics.solver.load_stepping import Status
 from defsense_fab.store.build import Build
 from defsense_fab.workflow.build import stage_mesh, stage_simulate
 from defsense_fab.workflow.build.build import build
+from defsense_fab.workflow.build.load_cases import Loading
+from tests.support.errors import raises
 from tests.support.places import BAR
 
 
@@ -103,3 +108,46 @@ def test_interrupted_search_for_a_density_resumes_with_the_same_mesh(device, mon
     assert rest.solved == whole.solved - after
     assert len([m for m in messages if "solved before" in m]) == 2
     assert list(kept.iterdir()) == []
+
+
+def test_pose_over_its_budget_is_named_with_a_region_and_the_others_are_kept(
+    device, monkeypatch, tmp_path
+):
+    monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path))
+    solver = Solver()
+
+    def solve(*arguments, **options):
+        results = solver(*arguments, **options)
+        (*_, last) = results[0]
+        given_up = replace(last, status=Status.OVER_BUDGET, state=None, last_state=last.state)
+        return [[replace(given_up, amplitude=0.75)], *results[1:]]
+
+    shutil.rmtree(device.source / "build" / "fields", ignore_errors=True)
+    made, silent = Build(device.source / "build"), lambda *_: None
+    with raises(SolveError, "pose-over-budget", amplitude=0.75) as caught:
+        stage_simulate.run(device, made, silent, solve)
+    assert caught.value.data["state"].startswith(device.poses[0].name)
+    assert caught.value.data["region"] in {"base", "tip"}
+    assert caught.value.data["strain"] > 0
+    shutil.rmtree(device.source / "build" / "fields", ignore_errors=True)
+    again = Solver()
+    stage_simulate.run(device, made, silent, again)
+    assert (again.solved, solver.solved > 1) == (0, True)
+
+
+def test_progress_estimates_the_time_left(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    messages = []
+    plan = [Loading({name: 1.0}, (0.5, 1.0), False) for name in ("a", "b", "c", "d")]
+    show = stage_simulate.track_jobs(plan, lambda fraction, message: messages.append(message))
+    show(0, 1.0)  # solved before
+    now[0] = 20.0
+    show(1, 0.5)
+    assert "100 s" not in messages[0]
+    now[0] = 40.0
+    show(1, 1.0)
+    assert "80 s" in messages[-1]  # two of three are left
+    show(2, 1.0)
+    show(3, 1.0)
+    assert "left" not in messages[-1]

@@ -177,9 +177,32 @@ def measure_quality(mesh: TetMesh, surface: Surface) -> MeshQuality:
     )
 
 
+#: Bounds on dihedral angles: of their first percentile, and of the least one outside of tets on an
+#: edge of the body sharper than `SHARP_DEG`, which have to be as flat, degrees.
+MIN_PERCENTILE_DEG, MIN_LEAST_DEG, SHARP_DEG = 12.0, 5.0, 15.0
+#: The edge at which the two triangles of each angle of `dihedrals_of` meet.
+ANGLE_EDGES = np.array([[2, 3], [1, 3], [1, 2], [0, 3], [0, 2], [0, 1]])
+
+
+def bound_ratio(mesh: TetMesh) -> float:
+    """Return by how much dihedral angles exceed their bounds: the mesh keeps them from 1 on."""
+    angles = np.rad2deg(dihedral_angles(mesh))
+    ends = np.sort(mesh.tets[:, ANGLE_EDGES], axis=2)
+    _, index = np.unique(ends[..., 0] * len(mesh.nodes) + ends[..., 1], return_inverse=True)
+    index = index.reshape(angles.shape)
+    around = np.bincount(index.ravel(), angles.ravel())  # 360 inside the body
+    is_free = (around[index] >= SHARP_DEG).all(axis=1)
+    least = float(angles[is_free].min(initial=90.0))
+    return min(float(np.percentile(angles, 1)) / MIN_PERCENTILE_DEG, least / MIN_LEAST_DEG)
+
+
 def dihedral_angles(mesh: TetMesh) -> Float:
     """Return the six dihedral angles (m, 6) of each tet, rad."""
-    x = mesh.nodes[mesh.tets]
+    return dihedrals_of(mesh.nodes[mesh.tets])
+
+
+def dihedrals_of(x: Float) -> Float:
+    """Return the six dihedral angles (m, 6) of tets with corners (m, 4, 3), rad."""
     faces = [(1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1)]
     normals = []
     for a, b, c in faces:

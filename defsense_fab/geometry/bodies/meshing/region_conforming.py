@@ -40,7 +40,7 @@ def conform_to_regions(mesh: TetMesh, shapes: Sequence[Shape]) -> TetMesh:
     """
     nodes = mesh.nodes.copy()
     surface = _Surface(mesh)
-    around = _cells_at_nodes(mesh.tets, len(nodes))
+    around = cells_at_nodes(mesh.tets, len(nodes))
     settled = np.zeros(len(nodes), bool)
     edges = np.unique(np.sort(mesh.tets[:, TET_EDGES].reshape(-1, 2), axis=1), axis=0)
     for shape in sorted(shapes, key=_sort_key):
@@ -85,7 +85,7 @@ def _find_border(shape: Shape, nodes: Float, edges: Int, inside: Bool) -> Float:
     return np.asarray(a)
 
 
-def _cells_at_nodes(cells: Int, count: int) -> list[Int]:
+def cells_at_nodes(cells: Int, count: int) -> list[Int]:
     """Return the indices of the cells at each node."""
     order = np.argsort(cells.ravel(), kind="stable")
     ends = np.cumsum(np.bincount(cells.ravel(), minlength=count))
@@ -115,7 +115,7 @@ class _Surface:
     def __init__(self, mesh: TetMesh) -> None:
         boundary = mesh.boundary()
         self._faces = boundary.faces
-        self._around = _cells_at_nodes(self._faces, len(mesh.nodes))
+        self._around = cells_at_nodes(self._faces, len(mesh.nodes))
         edges, _, index = triangle_edges(self._faces)
         # The sum of an edge's unit normals is short where its faces fold.
         total = np.zeros((len(edges), 3))

@@ -24,6 +24,8 @@ FINE_EDGE_SHARE = 0.25
 TOLERANCE_EDGES = 0.05
 #: Edges that fold by more than this are sharp (cosine), and continue straight up to this turn.
 FOLD_COSINE, STRAIGHT_COSINE = np.cos(np.deg2rad(40.0)), -np.cos(np.deg2rad(25.0))
+#: Folds from which Netgen takes an edge of a surface for one of the body (cosine).
+ROUGH_FOLD_COSINE = np.cos(np.deg2rad(30.0))
 #: Folds longer than this share of the body's size need not continue.
 LONG_FOLD_SHARE = 0.05
 #: Share of the length of folds that continues straight unless they are noise.
@@ -139,6 +141,19 @@ def is_creased(surface: Surface) -> bool:
         & ~is_broken[b]
     )
     return bool(lengths[is_sharp].sum() > max(size, STRAIGHT_SHARE * lengths.sum()))
+
+
+def is_rough(surface: Surface) -> bool:
+    """Return whether folds of the skin are together longer than the body.
+
+    Netgen takes each of these for an edge of the body, and places small tets along it.
+    """
+    normals = surface.normals
+    a, b, left, right = find_triangle_pairs(surface.faces)
+    is_folded = (normals[left] * normals[right]).sum(1) < ROUGH_FOLD_COSINE
+    along = (surface.vertices[b] - surface.vertices[a])[is_folded]
+    size = np.linalg.norm(np.ptp(surface.bounds, axis=0))
+    return bool(np.linalg.norm(along, axis=1).sum() > size)
 
 
 def find_triangle_pairs(faces: Int) -> tuple[Int, Int, Int, Int]:

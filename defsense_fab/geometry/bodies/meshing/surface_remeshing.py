@@ -22,6 +22,7 @@ from ....core.arrays import Float, Int
 from ....core.errors import MeshingError
 from ....core.mesh import Surface, facet_crosses, triangle_edges
 from ...kernels.surface_queries import signed_distance_of
+from ..repair.crossings import find_crossing_pairs
 from .child_work import RunMonitor, run_work, serve_work
 from .simplification import (
     MIN_FINE_TRIANGLES,
@@ -93,12 +94,24 @@ MIN_TURN_COSINE = 0.7
 FOLD_COSINE = np.cos(np.deg2rad(60.0))
 
 
+#: Shares of the edge length that are tried until no triangles cross each other.
+EDGE_SHARES = (1.0, 0.95, 0.9, 0.85)
+
+
 def remesh_surface(surface: Surface, edge_length: float) -> Surface:
     """Remesh a surface with edges of `edge_length` mm or less and vertices on the given surface.
 
     Raises:
-        MeshingError: If the result encloses no volume.
+        MeshingError: If the result encloses no volume, or its triangles cross each other.
     """
+    for share in EDGE_SHARES:
+        remeshed = _remesh(surface, share * edge_length)
+        if not len(find_crossing_pairs(remeshed.vertices, remeshed.faces)):
+            return remeshed
+    raise MeshingError("triangles of that size cross each other", code="surface-crosses-itself")
+
+
+def _remesh(surface: Surface, edge_length: float) -> Surface:
     vertices, faces = _split_edges(surface.vertices, surface.faces, MAX_SPLIT_EDGE * edge_length)
     lifted = np.hstack(
         [vertices, NORMAL_WEIGHT * edge_length * _smooth_normals(vertices, faces, edge_length)]

@@ -18,13 +18,15 @@ from ....core.errors import MeshingError
 from ....core.machine.child_process import OUT_OF_MEMORY
 from ....core.mesh import Surface, TetMesh
 from .child_work import RunMonitor
-from .mesh_quality import check_mesh, fit_boundary, measure_facet_gaps
+from .mesh_improvement import improve_flat_tets
+from .mesh_quality import bound_ratio, check_mesh, fit_boundary, measure_facet_gaps
 from .meshers import FTETWILD, NETGEN, UnusableMesherError, run_mesher
 from .simplification import (
     MIN_FINE_TRIANGLES,
     SimplifiedSurface,
     is_creased,
     is_fine,
+    is_rough,
     measure_deviation,
 )
 from .surface_remeshing import remesh_in_time, remesh_on_grid_in_time, simplify_in_time
@@ -38,6 +40,8 @@ MAX_GAP_EDGES = 0.03
 REMESHED_TOLERANCE_EDGES, GRID_TOLERANCE_EDGES = 0.35, 0.6
 #: Edges of remeshed triangles, in edges of the tets: if they cross each other, the next is used.
 EDGE_FACTORS = (1.0, 0.75, 0.55)
+#: Meshes of more tets than this times those that the edge length asks for are replaced if possible.
+MAX_TETS_RATIO = 4.0
 #: fTetWild's envelope in edges, its largest share of the body's size, and the coarser envelope.
 ENVELOPE_EDGES, MAX_ENVELOPE, COARSE_ENVELOPE_EDGES = 0.02, 1e-3, 0.06
 
@@ -84,14 +88,15 @@ class MeshingMethod:
 def plan_methods(surface: Surface, edge_length: float) -> list[MeshingMethod]:
     """Return all methods, the best first.
 
-    Repeatable methods come first, unless the body has sharp edges that only fTetWild keeps.
+    Repeatable methods come first, unless the body has sharp edges that only fTetWild keeps. Folds
+    of the skin that are no edges of the body are left to remeshing.
 
     Args:
         surface: Surface of the body.
         edge_length: Edge length of the tets, mm.
     """
     triangles = len(surface.faces)
-    tets = 8.5 * abs(surface.volume) / edge_length**3
+    tets = count_tets(surface, edge_length)
     fine_surface = is_fine(surface, edge_length)
     surface_name = "the simplified surface" if fine_surface else "the surface"
     simplified = _LazySimplification(surface, edge_length, fine_surface)
@@ -140,6 +145,8 @@ def plan_methods(surface: Surface, edge_length: float) -> list[MeshingMethod]:
         return [*remeshed, direct, grid, fine, coarse]
     if is_creased(surface):
         return [direct, fine, *remeshed, grid, coarse]
+    if is_rough(surface):
+        return [*remeshed, grid, direct, fine, coarse]
     return [direct, *remeshed, grid, fine, coarse]
 
 
@@ -195,8 +202,14 @@ def _fill_remeshed(
         )
     no_sizes = {"points": np.zeros((0, 3)), "edges": []}
     task = {"edge_length": edge_length, "fill": True} | no_sizes
-    mesh = fit_boundary(run_mesher(NETGEN, remeshed, task, monitor), surface)
-    return mesh, MeshedSurface(len(remeshed.faces), len(surface.faces), tolerance, distance)
+    mesh = run_mesher(NETGEN, remeshed, task, monitor)
+    if len(mesh.boundary().faces) != len(remeshed.faces):
+        raise MeshingError(
+            "the mesher changed triangles, which cross each other", code="surface-crosses-itself"
+        )
+    return fit_boundary(mesh, surface), MeshedSurface(
+        len(remeshed.faces), len(surface.faces), tolerance, distance
+    )
 
 
 def _ftetwild_step(
@@ -298,8 +311,11 @@ def tetrahedralize(
     deadline = time.monotonic() + time_limit
     tried: list[str] = []
     stopped = False
+    best: tuple[float, Tetrahedra] | None = None
     plan = plan_methods(surface, edge_length)
     for k, method in enumerate(plan):
+        if best is not None and not _is_alternative(method, surface):
+            break
         limit = min(method.share * time_limit, deadline - time.monotonic())
         if limit <= 0:
             tried.append(f"no time was left for {', '.join(m.name for m in plan[k:])}")
@@ -310,7 +326,7 @@ def tetrahedralize(
         started_at = time.monotonic()
         try:
             mesh, meshed = method.make(monitor)
-            mesh = check_mesh(mesh, surface, edge_length)
+            mesh = check_mesh(improve_flat_tets(mesh, surface), surface, edge_length)
         except UnusableMesherError:
             raise
         except (MeshingError, RuntimeError, ValueError, MemoryError) as error:
@@ -320,10 +336,18 @@ def tetrahedralize(
             reason = OUT_OF_MEMORY if isinstance(error, MemoryError) else str(error)
             tried.append(f"{method.name}: {' '.join(reason.split()).partition(';')[0]}")
         else:
-            failures = tuple(tried)
-            return Tetrahedra(
-                mesh, method.mesher, method.name, meshed, failures, stopped, time_limit
-            )
+            score = _score(mesh, surface, edge_length)
+            if best is None or score > best[0]:
+                failures = tuple(tried)
+                made = Tetrahedra(
+                    mesh, method.mesher, method.name, meshed, failures, stopped, time_limit
+                )
+                best = score, made
+            if score >= 1:
+                break
+            tried.append(f"{method.name}: it made flat tets, or too many ({len(mesh.tets):,})")
+    if best is not None:
+        return best[1]
     is_out_of_time = time.monotonic() >= deadline
     raise MeshingError(
         f"no method filled the body's surface with tets ({'. '.join(tried)})",
@@ -333,6 +357,24 @@ def tetrahedralize(
         limit=time_limit,
         out_of_time=is_out_of_time,
     )
+
+
+def _score(mesh: TetMesh, surface: Surface, edge_length: float) -> float:
+    """Return how near a mesh comes to the bounds on its angles and its number of tets, up to 1."""
+    max_tets = MAX_TETS_RATIO * count_tets(surface, edge_length)
+    return min(bound_ratio(mesh), 1.0) * min(max_tets / len(mesh.tets), 1.0)
+
+
+def count_tets(surface: Surface, edge_length: float) -> float:
+    """Return about how many tets of an edge length (mm) fill a surface."""
+    return 8.5 * abs(surface.volume) / edge_length**3
+
+
+def _is_alternative(method: MeshingMethod, surface: Surface) -> bool:
+    """Return whether a method may replace a sound mesh that has flat or too many tets: it makes
+    the same mesh each time, and no edges of the body are cut.
+    """
+    return method.mesher == NETGEN and not is_creased(surface)
 
 
 def _describe_last(tried: list[str]) -> str:
@@ -356,7 +398,7 @@ def _advice(is_out_of_time: bool, edge_length: float, time_limit: float) -> str:
 def _check_size(surface: Surface, edge_length: float) -> None:
     """Raise MeshingError if the edge length does not fit the body."""
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
-    if edge_length < 1e-4 * size or 8.5 * surface.volume / edge_length**3 > 2e6:
+    if edge_length < 1e-4 * size or count_tets(surface, edge_length) > 2e6:
         raise MeshingError(
             f"{edge_length:g} mm gives more than 2e6 tets",
             code="edge-too-short",
