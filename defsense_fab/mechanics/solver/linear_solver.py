@@ -87,10 +87,8 @@ def make_solver(threads: int = 1) -> SymmetricSolver:
 def _pypardiso_solver() -> Any:
     """Create a pypardiso solver with the path of MKL set.
 
-    Without the path each solver searches the whole environment, which takes 1 s.
+    Without the path, the import searches the whole environment, which takes 1 s.
     """
-    import pypardiso
-
     try:
         libraries = [
             f.locate()
@@ -103,6 +101,8 @@ def _pypardiso_solver() -> Any:
     if libraries and before is None:
         os.environ["PYPARDISO_MKL_RT"] = str(libraries[0])
     try:
+        import pypardiso
+
         return pypardiso.PyPardisoSolver(mtype=2)
     finally:
         if before is None:
