@@ -20,7 +20,7 @@ def bodies():
     return {name: body(name, edge / BODIES[name][2]) for name, edge in EDGES.items()}
 
 
-@pytest.mark.slow
+@pytest.mark.peer
 @pytest.mark.skipif(not agreement.installed("calculix"), reason="CalculiX is not installed")
 @pytest.mark.parametrize("nu", [0.45, 0.49])
 @pytest.mark.parametrize("title", ["bend 90", "twist 90"])
