@@ -92,7 +92,7 @@ def test_a_broken_file_is_one_line(tmp_path):
         ("def body(): return None", "not-a-solid", {"type": "NoneType"}),
         ("def body(): return 3", "not-a-solid", {"type": "int"}),
         (
-            "import build123d as bd\ndef body(): return bd.Box",
+            "class Box: pass\ndef body(): return Box",
             "class-not-called",
             {"type": "Box"},
         ),

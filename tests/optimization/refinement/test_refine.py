@@ -32,8 +32,9 @@ from tests.optimization.conftest import LIMITS, ignore, search
 from tests.sensing.reference import signal_gradient
 from tests.support.errors import raises
 
+pytestmark = pytest.mark.slow
 
-@pytest.mark.slow
+
 @pytest.mark.parametrize("decoder", DECODERS)
 @pytest.mark.parametrize("ends", [(0.0, 0.0, 0.0), (9.7, 0.0, 45.0), (0.0, 44.0, 49.0)])
 def test_objective_gradient_by_finite_differences(problem, straight, decoder, ends):
@@ -129,7 +130,6 @@ def test_channels_are_deeper_at_their_pockets():
     assert (growth > 0).tolist() == [True, False, False]
 
 
-@pytest.mark.slow
 def test_the_optimizer_leaves_the_saddle_of_a_symmetric_drawing(problem, straight):
     drawn = straight()
     objective = Objective(problem, [CordParameters(drawn)])
@@ -382,7 +382,6 @@ def test_results_of_descents_keep_the_limits(problem, straight, seed):
     assert found.rmse < 0.25 * layout_error(problem, drawn)
 
 
-@pytest.mark.slow
 def test_callbacks_do_not_change_a_search(problem, straight):
     """`watch` sees improving layouts, and `follow` every layout of a descent."""
     drawn = [straight("a", y=6, free=["path"]), straight("b", z=-6, free=["path"])]

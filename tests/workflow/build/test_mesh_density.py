@@ -48,14 +48,14 @@ def test_requested_accuracy_is_reached(bar):
     def make(edge):
         return conform_to_regions(tetrahedralize(bar, edge).mesh, regions)
 
-    choice = choose_mesh(device, bar, 0.03, make, lambda fraction, message: None)
-    assert 0 < choice.chosen.error <= 0.03
-    assert choice.chosen.edge_length == max(t.edge_length for t in choice.trials if t.error <= 0.03)
+    choice = choose_mesh(device, bar, 0.05, make, lambda fraction, message: None)
+    assert 0 < choice.chosen.error <= 0.05
+    assert choice.chosen.edge_length == max(t.edge_length for t in choice.trials if t.error <= 0.05)
     coarse = QuadraticMesh.from_linear(choice.trials[0].mesh)
     lines = probing_lines(PointLocator(coarse), np.random.default_rng(0))
     fine = QuadraticMesh.from_linear(make(choice.chosen.edge_length / 2.2))
     true = measure_signals(device, fine, PointLocator(fine), lines)
-    assert relative_difference(choice.chosen.signals - true, true) < 0.03
+    assert relative_difference(choice.chosen.signals - true, true) < 0.05
 
 
 def test_probing_lines_run_inside_and_along(mesh_of_bar):
