@@ -12,8 +12,7 @@ from defsense_fab.geometry.kernels.canonical_facets import canonicalize
 
 @cache
 def solids():
-    box = bd.Box(40, 30, 20)
-    rounded = bd.fillet(box.faces().sort_by(bd.Axis.Z)[-1].edges(), 4)
+    rounded = bd.fillet(bd.Box(40, 30, 20).edges(), 4)
     bored = bd.Box(40, 20, 20) - bd.Cylinder(4, 20)
     ring = bd.Torus(20, 6)
     return {"rounded": rounded, "bored": bored, "ring": ring, "ball": bd.Sphere(12)}
