@@ -67,6 +67,7 @@ def test_random_poses_have_correct_statuses(bodies):
     assert solved >= 9
 
 
+@pytest.mark.slow
 def test_the_independent_check_detects_wrong_fields(bodies):
     """The check must fail for fields that are wrong in each way it looks for."""
     mesh, regions = bodies["bar"]

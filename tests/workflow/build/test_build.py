@@ -180,6 +180,7 @@ def test_layouts_are_tried_in_the_frames_of_the_file(straight):
     assert kept.plane.axes == pytest.approx(turned.plane.axes, abs=1e-15)
 
 
+@pytest.mark.slow
 def test_resistance_in_the_cut_list_is_that_of_the_cord_as_built(device):
     """Compare with a sum over the points of the cord between its ferrules, in every state."""
     built = load_device(device)
