@@ -4,18 +4,35 @@ WORKERS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test setup check guide clean
+# Nothing that was kept on this machine is seen: the cache of meshes is an empty folder. A file's tests stay
+# in one worker, which uses one core, because fixtures that are kept in memory are expensive. Without bytecode
+# every process that a test starts would compile its modules.
+PYTEST = cache=$$(mktemp -d) && trap 'rm -rf "$$cache"' EXIT && DEFSENSE_CACHE="$$cache" \
+	OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+
+.PHONY: demo test tests quick bench setup check guide clean
 
 demo: setup
 	$(BIN)/defsense build fixtures/devices/bar
 
-# Shared fixtures are expensive: a file's tests stay in one worker, which uses one core. Nothing that
-# was kept on this machine is seen: the cache of meshes is an empty folder.
-test: setup check guide
+# Linters, types and the guide run next to the tests: the type checker uses one core only.
+test: setup
 	sh setup-system.sh test
-	cache=$$(mktemp -d) && trap 'rm -rf "$$cache"' EXIT && DEFSENSE_CACHE="$$cache" \
-		OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 \
-		$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(TESTS)
+	$(MAKE) --jobs=3 tests check guide
+
+tests: setup
+	$(PYTEST) -m "not peer" $(TESTS)
+
+# In 90 s: no builds, browsers, simulated boards or long simulations.
+quick: setup
+	$(PYTEST) -m "not slow and not peer" $(TESTS)
+
+# Other programs, where they are installed, and speeds: see benchmarks/README.md.
+bench: setup
+	$(PYTEST) -m peer $(TESTS)
+	$(BIN)/python -m benchmarks.speed
+	$(BIN)/python -m benchmarks.agreement
 
 check: setup
 	$(BIN)/ruff check .

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +10,15 @@ from hypothesis import settings
 
 from defsense_fab.core.curve import Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device import Sensor
-from defsense_fab.core.mesh import Surface
+from defsense_fab.core.mesh import Surface, TetMesh
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from tests.support.grid import grid_of_tets
+from tests.support.shared_folders import fill_once, shared_root
+
+#: Tests that take more than a second have the mark `slow`. Those without it may take longer at the
+#: first use, which compiles.
+UNMARKED_LIMIT_S = 3.0
+UNMARKED = "processor time without the mark"
 
 # The same examples on every run: what fails once in twenty runs says nothing of the change at hand.
 # `--hypothesis-profile=random` looks for others.
@@ -35,17 +42,66 @@ def structured_bar(low, high, counts):
     return grid_of_tets(axes)
 
 
+#: Files of more than 25 s, first: one that began last would leave the other worker idle.
+LONG_FILES = (
+    "workflow/build/test_build.py",
+    "studio/browser/test_whole_design.py",
+    "docs/test_guide_commands.py",
+    "geometry/parts/test_random_layouts.py",
+    "capture/sessions/test_long_sessions.py",
+    "studio/optimize/test_optimize_mode.py",
+    "workflow/build/test_fabricate.py",
+    "capture/tags/test_edge_fit.py",
+    "workflow/reproduce/test_run.py",
+    "capture/sessions/test_session.py",
+    "geometry/parts/test_parts.py",
+    "workflow/test_interface.py",
+)
+
+
 def pytest_collection_modifyitems(items):
-    """Files with slow tests first: one that began last would leave the other worker idle."""
+    """Long files first, then those with slow tests."""
+    tests = Path(__file__).parent
     slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+    order = {tests / name: index for index, name in enumerate(LONG_FILES)}
+    items.sort(key=lambda item: (order.get(item.path, len(order)), item.path not in slow))
+
+
+def processor_time():
+    """Return the processor time of this process and its ended children, s."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item):
+    """Measure tests without the mark `slow`; those above the limit are listed at the end."""
+    started_at = processor_time()
+    result = yield
+    used = processor_time() - started_at
+    if used > UNMARKED_LIMIT_S and not item.get_closest_marker("slow"):
+        item.user_properties.append((UNMARKED, used))
+    return result
+
+
+def pytest_terminal_summary(terminalreporter):
+    rows = {
+        report.nodeid: value
+        for report in terminalreporter.stats.get("passed", [])
+        for name, value in getattr(report, "user_properties", [])
+        if name == UNMARKED
+    }
+    if rows:
+        terminalreporter.section("without the mark `slow`, processor time")
+    for test, used in sorted(rows.items(), key=lambda row: -row[1]):
+        terminalreporter.write_line(f"{used:5.1f} s {test}")
 
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
-    """Tests neither see nor fill the user's cache."""
+    """Tests neither see nor fill the user's cache; workers share theirs."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DEFSENSE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("DEFSENSE_CACHE", str(shared_root(tmp_path_factory) / "cache"))
         yield
 
 
@@ -55,8 +111,13 @@ def bar():
 
 
 @pytest.fixture(scope="session")
-def bar_mesh(bar):
-    return tetrahedralize(bar, 10.0).mesh
+def bar_mesh(bar, tmp_path_factory):
+    def write(folder):
+        mesh = tetrahedralize(bar, 10.0).mesh
+        np.savez(folder / "mesh.npz", nodes=mesh.nodes, tets=mesh.tets)
+
+    with np.load(fill_once(tmp_path_factory, "bar-mesh", write) / "mesh.npz") as arrays:
+        return TetMesh(arrays["nodes"], arrays["tets"])
 
 
 @pytest.fixture

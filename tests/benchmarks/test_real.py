@@ -14,6 +14,8 @@ from benchmarks.real.report import FAMILIES
 from benchmarks.real.shifts import SHIFTS_S, judge, measure_shifts
 from defsense_fab.training.fitting.train_model import train
 
+pytestmark = pytest.mark.slow
+
 
 def write_table(path, header, columns):
     np.savetxt(path, np.stack(columns, 1), delimiter=",", header=header, comments="", fmt="%.6g")

@@ -47,6 +47,7 @@ def test_exact_readings_reproduce_the_response(true, name):
     assert result.k_res == pytest.approx(2.0, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("both", [False, True])
 @pytest.mark.parametrize(("true", "name"), [LINE, QUADRATIC, TWO_SLOPES, CUBIC, STEP])
 def test_model_choice(true, name, both):
@@ -81,6 +82,7 @@ def test_interval_covers_the_truth(spread):
     assert 0.03 < half < 0.12
 
 
+@pytest.mark.slow
 def test_six_specimens_need_no_assumed_spread():
     """No spread is assumed, so pieces that agree give a narrow interval."""
     is_covered = []

@@ -221,7 +221,7 @@ class Terminal:
         os.close(slave)
         self._master, self.text = master, ""
 
-    def wait_for(self, pattern, seconds=60):
+    def wait_for(self, pattern, seconds=240):
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             if re.search(pattern, self.text):
@@ -239,7 +239,7 @@ class Terminal:
         os.write(self._master, key.encode())
 
     def wait(self):
-        code = self.process.wait(60)
+        code = self.process.wait(240)
         os.close(self._master)
         return code
 

@@ -23,6 +23,7 @@ def device(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "work"),
     [

@@ -40,6 +40,7 @@ def test_each_limb_of_the_character_moves_in_and_out_of_its_plane():
         assert out.argmax() != 1
 
 
+@pytest.mark.slow
 def test_device_from_a_mesh_has_regions_of_hands_feet_and_trunk(tmp_path):
     body = ROOT / "fixtures" / "devices" / "character" / "character.stl"
     folder = tmp_path / "my-figure"

@@ -38,7 +38,7 @@ class Board:
 
     def stop(self):
         self._process.terminate()
-        self._process.wait(10)
+        self._process.wait(120)
         self._process.stdout.close()
 
     def conversions(self):

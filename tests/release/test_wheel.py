@@ -13,6 +13,8 @@ import pytest
 
 from tests.support.places import ROOT
 
+pytestmark = pytest.mark.slow
+
 _BUILD = "import sys; from setuptools import build_meta as b; b.build_{kind}(sys.argv[1])"
 
 

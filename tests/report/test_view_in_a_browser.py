@@ -8,7 +8,7 @@ import pytest
 from defsense_fab.report.viewer.scene import view3d
 from tests.report.twisted_bar import BACK, FRONT, MISS, displaced, twisted_bar
 
-WAIT = 60_000.0  # ms that a loaded machine may take
+WAIT = 240_000.0  # ms that a loaded machine may take
 SIZE = {"width": 700, "height": 900}  # small: it is drawn by the processor
 PICTURE = "data:image/gif;base64,R0lGODlhAQABAAAAACwAAAAAAQABAAA="
 

@@ -47,9 +47,15 @@ def wavy(n):
     return np.stack([2 + 146 * t, 9 * np.sin(2 * np.pi * t), 5 + 6 * np.sin(np.pi * t)], axis=-1)
 
 
+@pytest.fixture(scope="module")
+def refined(bar):
+    """Return meshes with shorter and shorter edges, by their edge length, mm."""
+    return {h: tetrahedralize(bar, h).mesh for h in (12.0, 8.5, 6.0, 4.25)}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("field", [bend, twist])
-def test_signals_of_exact_fields_converge_with_the_expected_rates(bar, field):
+def test_signals_of_exact_fields_converge_with_the_expected_rates(refined, field):
     """Exact nodal displacements on real meshes against quadrature of the exact curve, for 30
     paths: h^3 in the displacement, at least h^2 in the signal, a derivative's mean."""
     rng = np.random.default_rng(0)
@@ -61,8 +67,7 @@ def test_signals_of_exact_fields_converge_with_the_expected_rates(bar, field):
     paths = np.stack([np.broadcast_to(2 + 146 * t, y.shape), y, z], axis=-1)
     exact = cord_signals(paths, field(paths)[None], Response.line(1.0))[0]
     sizes, errors = [], []
-    for edge_length in (12.0, 8.5, 6.0, 4.25):
-        mesh = tetrahedralize(bar, edge_length).mesh
+    for edge_length, mesh in refined.items():
         quadratic = QuadraticMesh.from_linear(mesh)
         locator = PointLocator(quadratic)
         u = (field(quadratic.nodes) - quadratic.nodes)[None]

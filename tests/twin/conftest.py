@@ -23,6 +23,7 @@ from defsense_fab.store.mesh import MeshRecord, save_mesh
 from tests.conftest import box_surface
 from tests.store.layouts import BAND
 from tests.support.places import BAR
+from tests.support.shared_folders import fill_once
 
 EDGE = 20.0
 
@@ -63,11 +64,8 @@ def write_build(folder, device):
     )
 
 
-@pytest.fixture(scope="session")
-def small_bar(tmp_path_factory):
-    """Return the folder of a bar that is bent up and twisted, with two cords and eight markers."""
-    folder = tmp_path_factory.mktemp("twin") / "bar"
-    folder.mkdir()
+def make_small_bar(folder):
+    """Write the device and its build into a folder."""
     shutil.copy(BAR / "bar.py", folder)
     text = (BAR / "device.toml").read_text(encoding="utf-8")
     down, twist = text.index('[[poses]]\nname = "bend_down"'), text.index('[[poses]]\nname = "twi')
@@ -75,4 +73,10 @@ def small_bar(tmp_path_factory):
     text = text[: text.rindex("[[sensors]]")].replace("markers = 40", "markers = 8")
     (folder / "device.toml").write_text(text)
     write_build(folder, load_device(folder))
-    return folder
+
+
+@pytest.fixture(scope="session")
+def small_bar(tmp_path_factory):
+    """Return the folder of a bar that is bent up and twisted, with two cords and eight markers."""
+    made = fill_once(tmp_path_factory, "small-bar", make_small_bar)
+    return shutil.copytree(made, tmp_path_factory.mktemp("twin") / "bar")

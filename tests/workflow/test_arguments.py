@@ -12,6 +12,8 @@ from defsense_fab.workflow.arguments import plain
 from tests.support.errors import raises
 from tests.workflow.conftest import small_bar, with_record
 
+pytestmark = pytest.mark.slow
+
 
 def mesh(faces):
     """Return a mesh with four vertices."""

@@ -16,6 +16,7 @@ def box(scale, faces=12):
     return trimesh.Trimesh(mesh.vertices, mesh.faces[:faces], process=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["m", "inch"])
 def test_unusual_size_is_refused_with_the_likely_unit(unit, tmp_path):
     scale = {"m": 1000.0, "inch": 25.4}[unit]
@@ -28,6 +29,7 @@ def test_unusual_size_is_refused_with_the_likely_unit(unit, tmp_path):
     assert device.notes == ()
 
 
+@pytest.mark.slow
 def test_vertices_and_faces_have_units():
     with raises(df.DefsenseError, "unit-doubtful", unit="m"):
         small_bar(body=box(0.001))
@@ -42,6 +44,7 @@ def test_invalid_units_are_refused(units, code):
         small_bar(units=units)
 
 
+@pytest.mark.slow
 def test_a_unit_of_a_cad_shape_is_refused():
     bd = pytest.importorskip("build123d")
     with raises(df.DefsenseError, "unit-not-applicable", unit="inch"):
@@ -56,6 +59,7 @@ def test_a_mesh_is_scaled_to_a_size():
         small_bar(body=box(0.02), size=-1)
 
 
+@pytest.mark.slow
 def test_repairs_and_an_unusual_size_are_noted():
     device = small_bar(body=box(0.01, faces=11), units="m")
     repair, size = device.notes

@@ -33,6 +33,7 @@ def test_experiment_must_be_loaded(tmp_path):
         df.reproduce("examples/bar", tmp_path)
 
 
+@pytest.mark.slow
 def test_simulated_specimen_is_fitted(tmp_path):
     sessions = df.simulate_specimens(tmp_path / "twin", k=2.0, lengths=[150], seed=2)
     fitted = df.fit_response(sessions, tmp_path / "response.json")

@@ -30,6 +30,8 @@ from tests.support.errors import raises
 from tests.support.places import ROOT
 from tests.workflow.conftest import small_bar, with_record
 
+pytestmark = pytest.mark.slow
+
 
 def test_results_equal_those_of_the_command_line(device, simulation, layout, saved):
     build = saved / "build"

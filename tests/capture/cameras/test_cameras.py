@@ -27,6 +27,8 @@ from tests.capture.rigs import rig
 from tests.support.errors import raises
 from tests.twin.views import turn
 
+pytestmark = pytest.mark.slow
+
 BOARD = CharucoBoard()
 LENS = np.array([-0.2, 0.08, 0.001, -0.0015, 0.0])
 K = np.array([[900, 0, 645.0], [0, 905, 352], [0, 0, 1]])

@@ -31,7 +31,7 @@ class Capture:
     def grab(self) -> bool:
         if self.hangs:
             self.inside.set()
-            self.resume.wait(5)
+            self.resume.wait(120)
             self.released_under_grab |= self.released > 0
         return True
 
@@ -68,11 +68,11 @@ def test_camera_is_not_released_under_its_thread(monkeypatch):
     monkeypatch.setattr(source._thread, "join", lambda timeout=None: join(0.1))
     source.start()
     capture.hangs = True
-    assert capture.inside.wait(5)
+    assert capture.inside.wait(120)
     source.close()
     assert not capture.released
     capture.resume.set()
-    join(5)
+    join(120)
     assert capture.released == 1
     assert not capture.released_under_grab
 

@@ -11,6 +11,8 @@ from defsense_fab.sensing.voltage_divider import conversion_time
 from tests.support.errors import raises
 from tests.twin.film import Shutter
 
+pytestmark = pytest.mark.slow
+
 START, OFFSET, DRIFT = 100.0, 0.05, 1e-4
 
 

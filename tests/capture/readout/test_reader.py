@@ -147,7 +147,7 @@ def test_over_a_socket():
     with Reader(partial(open_port, url), url, ReadoutSettings(average=4)) as reader:
         items = gather(reader, 0.5)
     server.close()
-    thread.join(5)
+    thread.join(120)
     assert len([i for i in items if isinstance(i, StampedSample)]) > 15
 
 
@@ -237,7 +237,7 @@ def test_read_latest_raises_the_error_that_ended_the_reader():
     reader = Reader(board, "twin", ReadoutSettings(rate=50))
     reader.start()
     reader.sink = sink
-    reader._thread.join(5)
+    reader._thread.join(120)
     with raises(StorageError, "disk-full"):
         reader.read_latest(10.0)
     reader.close()
@@ -274,7 +274,7 @@ class SlowPort(ConstantPort):
 
     def _wait(self):
         self.entered.set()
-        self.resume.wait(5)
+        self.resume.wait(120)
         self.closed_under_it |= self.closed
 
     def write(self, data):
@@ -295,13 +295,13 @@ def test_port_is_not_closed_under_a_command():
     reader._port = port
     sender = threading.Thread(target=reader.send, args=("led 1",))
     sender.start()
-    assert port.entered.wait(5)
+    assert port.entered.wait(120)
     closer = threading.Thread(target=reader.close)
     closer.start()
     closer.join(0.2)
     port.resume.set()
-    sender.join(5)
-    closer.join(5)
+    sender.join(120)
+    closer.join(120)
     assert not port.closed_under_it
     assert port.closed
     reader.send("led 2")  # without a port: no error
@@ -314,11 +314,11 @@ def test_port_with_a_hanging_driver_is_closed_by_its_thread(monkeypatch):
     port, reader = SlowPort(reads=True), Reader(board, "twin")
     reader._port = port
     reader._thread.start()
-    assert port.entered.wait(5)
+    assert port.entered.wait(120)
     reader.close()
     assert not port.closed
     port.resume.set()
-    reader._thread.join(5)
+    reader._thread.join(120)
     assert port.closed
     assert not port.closed_under_it
 

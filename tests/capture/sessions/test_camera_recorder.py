@@ -29,7 +29,7 @@ class Hanging:
         self.pictures += 1
         if self.pictures > 1:
             self.inside.set()
-            self.resume.wait(5)
+            self.resume.wait(120)
             self.closed_under_read |= self.closed > 0
         return np.zeros(rig.SIZE[::-1], np.uint8), 10**9 * self.pictures
 
@@ -50,13 +50,13 @@ def test_camera_that_hangs_is_closed_by_its_own_thread(tmp_path, monkeypatch):
     join = recorder._thread.join
     monkeypatch.setattr(recorder._thread, "join", lambda timeout=None: join(0.1))
     recorder.start()
-    assert source.inside.wait(5)
+    assert source.inside.wait(120)
     recorder.close()
     log.close()
     with (tmp_path / BOARD).open("wb", buffering=0) as other:  # may get the log's descriptor
         assert not source.closed
         source.resume.set()
-        join(5)
+        join(120)
         other.write(b"mine")
     assert (tmp_path / BOARD).read_bytes() == b"mine"
     assert source.closed == 1
@@ -75,13 +75,13 @@ def test_camera_that_returns_late_writes_to_no_other_file(tmp_path, monkeypatch)
     join = recorder._thread.join
     monkeypatch.setattr(recorder._thread, "join", lambda timeout=None: join(0.1))
     recorder.start()
-    assert source.inside.wait(5)
+    assert source.inside.wait(120)
     recorder.close()
     log.close()
     monkeypatch.setattr(recorder, "_record", lambda *frame: log.event("late"))
     with (tmp_path / BOARD).open("wb", buffering=0) as other:
         source.resume.set()
-        join(5)
+        join(120)
         other.write(b"mine")
     assert (tmp_path / BOARD).read_bytes() == b"mine"
     assert isinstance(recorder.failure, StorageError)
@@ -101,7 +101,7 @@ def test_data_that_do_not_reach_the_disk_raise_on_close(tmp_path, monkeypatch):
     log, source = Log(tmp_path / LOG), Hanging()
     recorder = make_recorder(tmp_path, source, log)
     recorder.start()
-    assert source.inside.wait(5)
+    assert source.inside.wait(120)
 
     def full(file):
         raise OSError(28, "No space left on device")

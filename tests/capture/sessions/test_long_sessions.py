@@ -35,6 +35,7 @@ def at_rest(result, run):
     return signals[np.isfinite(signals).all(axis=1)]
 
 
+@pytest.mark.slow
 def test_cords_that_drift_between_runs_are_zero_at_rest_in_both(tmp_path):
     session = recorded(tmp_path / "s", {"ohm": 1200.0}, {"ohm": 1260.0})
     result = process_session(session.folder)
@@ -49,6 +50,7 @@ def test_cords_that_drift_between_runs_are_zero_at_rest_in_both(tmp_path):
     assert not [w for w in result.quality["warnings"] if "R0" in w]
 
 
+@pytest.mark.slow
 def test_runs_of_different_rates_are_reported(tmp_path, monkeypatch):
     session = recorded(tmp_path / "s", {})
     monkeypatch.setattr(memory, "RATE", 25.0)
@@ -59,6 +61,7 @@ def test_runs_of_different_rates_are_reported(tmp_path, monkeypatch):
     assert result.quality["rate"] is None
 
 
+@pytest.mark.slow
 def test_run_without_rest_uses_the_nearest_rest_with_a_warning(tmp_path):
     session = recorded(
         tmp_path / "s", {"ohm": 1200.0}, {"ohm": 1230.0}, {"ohm": 1260.0, "rests": False}
@@ -71,6 +74,7 @@ def test_run_without_rest_uses_the_nearest_rest_with_a_warning(tmp_path):
     assert [w for w in result.quality["warnings"] if "R0 is that of run-2" in w and "run-3" in w]
 
 
+@pytest.mark.slow
 def test_all_samples_have_times_of_the_tracks_clock(tmp_path, monkeypatch):
     """The read-out boards of two runs started at different times; the LED is in view."""
     session = recorded(tmp_path / "s", {"led": True}, {"led": True, "ohm": 1260.0})
@@ -112,6 +116,7 @@ def test_all_samples_have_times_of_the_tracks_clock(tmp_path, monkeypatch):
     assert not path.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("printed", "is_warned"), [(0.97, True), (1.0, False)])
 def test_two_cameras_detect_tags_of_another_size(tmp_path, monkeypatch, printed, is_warned):
     side = memory.SIDE
@@ -131,6 +136,7 @@ def test_two_cameras_detect_tags_of_another_size(tmp_path, monkeypatch, printed,
         assert "14.55 mm" in (session.folder / "report.html").read_text("utf-8")
 
 
+@pytest.mark.slow
 def test_one_camera_cannot_measure_the_size(tmp_path, monkeypatch):
     session = memory.create(tmp_path / "s", 1, 12)
     monkeypatch.setattr(memory, "SIDE", 0.97 * memory.SIDE)
@@ -140,6 +146,7 @@ def test_one_camera_cannot_measure_the_size(tmp_path, monkeypatch):
     assert "tag-size-wrong" not in [w.code for w in tracks["warnings"]]
 
 
+@pytest.mark.slow
 def test_frames_that_a_camera_dropped_are_the_same_in_all_formats(tmp_path):
     """Six of ten frames are dropped in two runs, and a tag is never visible."""
     session = recorded(tmp_path / "s", {}, {})
@@ -187,13 +194,13 @@ def test_memory_grows_little_with_duration(tmp_path):
     Imports take 190 MB of it, and the work on any duration 200 MB.
     """
     peaks_mb = []
-    for minutes in (1, 3):
+    for minutes in (0.5, 1.5):
         session = memory.create(tmp_path / f"{minutes}", 6, 20)
         memory.record(session, 60 * minutes, np.random.default_rng(1))
         measured = memory.measure(session.folder)
         peaks_mb.append(measured.peak - measured.imports)
     assert peaks_mb[0] < 250
-    assert peaks_mb[1] - peaks_mb[0] < 2 * MAX_MB_PER_MINUTE
+    assert peaks_mb[1] - peaks_mb[0] < MAX_MB_PER_MINUTE
 
 
 def test_recorded_tags_belong_to_their_frames(tmp_path, monkeypatch):

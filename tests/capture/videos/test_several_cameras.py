@@ -17,6 +17,8 @@ from tests.capture.rigs import flat, rig, spread, tags
 from tests.support.errors import raises
 from tests.support.late_stamps import trial
 
+pytestmark = pytest.mark.slow
+
 SIZE, FRAMES, NOISE = 15.0, 40, 0.03
 NAMES = ["a", "b", "c"]
 

@@ -21,6 +21,8 @@ from tests.support.errors import raises
 from tests.support.films import LEFT, RIGHT, SIZE, aligned, images, tags, take
 from tests.twin.film import Shutter, load_truth
 
+pytestmark = pytest.mark.slow
+
 
 def scene(t):
     return Scene(tags(t))

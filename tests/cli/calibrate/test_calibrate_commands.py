@@ -33,6 +33,7 @@ def record(folder, *words, port="twin"):
     return ["calibrate", "record", "--port", port, "--specimen", str(folder), "--auto", *words]
 
 
+@pytest.mark.slow
 def test_simulated_sessions_are_fitted(tmp_path, run):
     words = ["twin", tmp_path, "--rounds", "1", "--seed", "3"]
     sessions = [str(tmp_path / f"session-{n}") for n in (150, 200)]

@@ -53,6 +53,7 @@ def test_enter_chooses_the_first_example(type_lines, tmp_path, capsys):
     assert f"defsense build '{tmp_path / 'my bar'}'" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_path_with_commas_and_folder_given_as_dots(type_lines, tmp_path, monkeypatch):
     body = tmp_path / "blob, second.stl"
     body.write_bytes((DEVICES / "blob" / "blob.stl").read_bytes())
@@ -63,6 +64,7 @@ def test_path_with_commas_and_folder_given_as_dots(type_lines, tmp_path, monkeyp
     assert load_device(tmp_path / "device").name == "device"
 
 
+@pytest.mark.slow
 def test_invalid_answers_repeat_the_question(type_lines, tmp_path, capsys):
     type_lines("none.stl", BLOB, "fly", "1,3", "rope", "2")
     assert main(["new", str(tmp_path / "blob")]) == 0
@@ -151,6 +153,7 @@ def box(path, size):
     return str(path)
 
 
+@pytest.mark.slow
 def test_answers_that_do_not_fit_the_body_repeat_the_question(type_lines, tmp_path, capsys):
     body = box(tmp_path / "a small.stl", (30, 6, 4.6))
     # Neither metres nor a cord that is too thick, and the path as a terminal pastes it.
@@ -166,6 +169,7 @@ def test_answers_that_do_not_fit_the_body_repeat_the_question(type_lines, tmp_pa
     assert load_device(tmp_path / "größe").cord.name == "rubber-1.7mm"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file_unit", "given_unit", "size"),
     [("inch", "inch", 4.0), ("meter", "m", 0.1), ("meter", "mm", 100), ("millimeter", "cm", 10)],
@@ -191,6 +195,7 @@ def test_unit_of_3mf_file_is_used_or_overridden(file_unit, given_unit, size, tmp
     assert np.ptp(surface.vertices, axis=0)[0] == pytest.approx(100, rel=0.02)
 
 
+@pytest.mark.slow
 def test_file_of_unknown_unit_is_scaled_to_a_size(type_lines, tmp_path, capsys, monkeypatch):
     body = box(tmp_path / "hand.ply", (1.57, 0.5, 0.4))
     monkeypatch.setattr("sys.stdin", io.StringIO())

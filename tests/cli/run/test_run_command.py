@@ -163,6 +163,7 @@ def test_run_that_fails_to_start_leaves_nothing(device, tmp_path, capsys):
     assert not (tmp_path / "a.npz").exists()
 
 
+@pytest.mark.slow
 def test_closed_standard_output_is_not_an_error(device, tmp_path):
     board = recorded(tmp_path / "board.csv", 60.0)
     arguments = ["run", device, "--port", f"replay:{board}", "--json", *KNOWN]

@@ -60,6 +60,7 @@ def test_table_and_files(files, tmp_path, capsys, no_figures, monkeypatch):
     assert (out / "evaluation.html").exists()
 
 
+@pytest.mark.slow
 def test_a_useless_model_is_reported_first(files, tmp_path, capsys, no_figures):
     causes = {"noise": 0.002, "sigma": 0.15, "gaps": 0.1}
     r = replace(bar.recording(40, seed=2, **causes), session="session-2")
@@ -99,6 +100,7 @@ def test_default_test_data_are_those_of_training(files, capsys, no_figures):
     assert errors["average_peak"] == pytest.approx(own.test.average_peak, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_signals_and_tracks_files(files, tmp_path, capsys, no_figures):
     """Late signals without a device are corrected with --shift or --offset."""
     r = bar.recording(40, seed=2, noise=0.002, sigma=0.15, gaps=0.1)

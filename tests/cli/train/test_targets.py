@@ -35,6 +35,7 @@ def words_of(folder: Path) -> list[str]:
     return ["--signals", *signals, "--targets", *targets]
 
 
+@pytest.mark.slow
 def test_train_and_evaluate_print_the_same_errors(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

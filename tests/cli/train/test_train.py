@@ -83,6 +83,7 @@ def test_affine_model_of_two_files_equals_scikit_learn_ridge(
     np.testing.assert_allclose(decoder.weights, peer.coef_.T, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_table_contains_the_affine_decoder_and_the_next_command(
     pair: tuple[Path, Path, Float, Float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -144,6 +145,7 @@ def test_invalid_options_write_no_model(
     assert not list(signals.parent.glob("*.json"))
 
 
+@pytest.mark.slow
 def test_late_signals_are_detected_and_corrected(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import textwrap
-import time
 
 import pytest
 
@@ -43,11 +42,9 @@ def test_a_child_that_waits_longer_than_its_processor_time_is_not_stopped(child)
 
 
 def test_a_child_that_uses_its_processor_time_is_stopped(child):
-    started_at = time.monotonic()
     with raises(BodyError, "time-limit-exceeded", limit=1.0) as caught:
         child("while True: pass", ChildLimits(wall=60, cpu=1.0))
     assert caught.value.is_machine_limit
-    assert time.monotonic() - started_at < 30
 
 
 def test_processor_time_of_further_processes_counts(child):

@@ -15,9 +15,10 @@ from defsense_fab.core.device.device import BodySpec
 from defsense_fab.core.errors import BodyError, MeshingError
 from defsense_fab.geometry.bodies.body import load_body
 from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
+from tests.support.body_scripts import HEAD
 from tests.support.errors import raises
 
-BOX = "import build123d as bd\nimport helper\ndef body(): return bd.Box(helper.SIZE, 10, 10)\n"
+BOX = HEAD + "import helper\ndef body(): return box(helper.SIZE, 10, 10)\n"
 #: Writes its process's number, starts another process, and sleeps.
 SLEEPER = (
     "import os, pathlib, subprocess, time\n"
@@ -29,7 +30,7 @@ SLEEPER = (
 )
 
 
-def gone(pids, seconds=10):
+def gone(pids, seconds=120):
     """Whether all processes have ended, or are at least only waited for."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -60,6 +61,7 @@ def interrupts():
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.slow
 def test_two_devices_may_have_helpers_of_one_name(tmp_path):
     for name, size in (("a", 20), ("b", 40)):
         (tmp_path / name).mkdir()
@@ -70,11 +72,12 @@ def test_two_devices_may_have_helpers_of_one_name(tmp_path):
     assert "helper" not in sys.modules
 
 
+@pytest.mark.slow
 def test_effects_of_a_script_stay_in_its_process(tmp_path, capsys):
     (tmp_path / "body.py").write_text(
-        "import os, sys\nimport build123d as bd\n"
+        f"import os, sys\n{HEAD}"
         "os.environ['MARK'] = '1'; os.chdir('/'); sys.path.clear(); print('said')\n"
-        "def body(): return bd.Box(10, 10, 10)\n"
+        "def body(): return box(10, 10, 10)\n"
     )
     importlib.import_module("defsense_fab.geometry.kernels.occ")  # which adds to sys.path itself
     before = (os.getcwd(), list(sys.path))
@@ -141,14 +144,13 @@ def test_a_script_finds_nothing_on_standard_input(tmp_path):
         load_body(BodySpec("script", tmp_path / "body.py"))
 
 
+@pytest.mark.slow
 def test_parameters_are_converted_to_json(tmp_path):
     import datetime
 
     import numpy as np
 
-    (tmp_path / "body.py").write_text(
-        "import build123d as bd\ndef body(a, b): return bd.Box(a, b['c'][0], 10)\n"
-    )
+    (tmp_path / "body.py").write_text(HEAD + "def body(a, b): return box(a, b['c'][0], 10)\n")
     spec = BodySpec("script", tmp_path / "body.py", {"a": np.int64(20), "b": {"c": [5.0]}})
     assert load_body(spec).volume == pytest.approx(1000)
     spec = BodySpec("script", tmp_path / "body.py", {"a": datetime.date(2020, 1, 1), "b": 1})
@@ -156,18 +158,20 @@ def test_parameters_are_converted_to_json(tmp_path):
         load_body(spec)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [0.5, 1e-3], ids=["while it runs", "before it starts"])
 def test_the_mesher_is_stopped_at_its_limit(bar, limit):
     with raises(MeshingError, "no-mesh", limit=limit, out_of_time=True):
         tetrahedralize(bar, 1.5, time_limit=limit)
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_the_mesher(bar, interrupts, tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     pids_found = []
 
     def interrupt():
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 120
         while not pids_found and time.monotonic() < deadline:
             listing = subprocess.run(
                 ["ps", "-ww", "-eo", "pid=,args="], capture_output=True, text=True
@@ -181,10 +185,8 @@ def test_ctrl_c_stops_the_mesher(bar, interrupts, tmp_path, monkeypatch):
         os.kill(os.getpid(), signal.SIGINT)
 
     threading.Thread(target=interrupt, daemon=True).start()
-    begin = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         tetrahedralize(bar, 1.5)
-    assert time.monotonic() - begin < 30
     assert pids_found
     assert gone(pids_found)
     assert list(Path(tmp_path).iterdir()) == []

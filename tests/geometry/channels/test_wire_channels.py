@@ -21,8 +21,11 @@ from defsense_fab.geometry.parts.records import PartRules
 from defsense_fab.geometry.printing.export import write_stl
 from tests.conftest import box_surface
 from tests.geometry.parts.cords import cord as plane_cord
+from tests.support import body_scripts
 from tests.support.errors import raises
 from tests.support.surfaces import distance, from_trimesh, is_inside, read_stl
+
+pytestmark = pytest.mark.slow
 
 BAY = BaySpec(np.array([0.0, 0, 0]), (14.0, 7.0, 8.0))
 WIRES = Wires(1.1, 1.3)
@@ -255,8 +258,8 @@ def test_bay_in_a_strongly_curved_skin_is_refused():
 
 def test_cad_and_mesh_bodies_get_their_bay(tmp_path):
     script = tmp_path / "box.py"
-    script.write_text("import build123d as bd\ndef body():\n    return bd.Box(40, 30, 20)\n")
-    spec = BodySpec("script", script, bay=BaySpec(np.array([0.0, 0, 10]), (14.0, 7.0, 8.0)))
+    script.write_text(body_scripts.HEAD + "def body():\n    return box(40, 30, 20)\n")
+    spec = BodySpec("script", script, bay=BaySpec(np.array([20.0, 0, 10]), (14.0, 7.0, 8.0)))
     cad = load_body(spec)
     write_stl(load_body(replace(spec, bay=None)).surface, tmp_path / "box.stl")
     mesh = load_body(replace(spec, kind="mesh", path=tmp_path / "box.stl"))

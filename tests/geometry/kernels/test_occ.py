@@ -55,6 +55,7 @@ def test_division_survives_operations_that_destroy_their_operands(monkeypatch):
     assert bd.SkipClean.clean
 
 
+@pytest.mark.slow
 def test_large_curved_bodies_have_fewer_facets_within_the_tolerance():
     ring = bd.Torus(50, 9).solids()[0].wrapped
     surface = occ.tessellate(ring, 0.05)

@@ -130,6 +130,7 @@ def tallies():
         tally.show(title)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(VARIANTS))
 def test_variants_are_read_right_or_refused(number, tmp_path, tallies):
     one = variant(number)

@@ -21,6 +21,8 @@ from tests.geometry.parts.cords import cord
 from tests.support.errors import raises
 from tests.support.surfaces import from_trimesh, is_inside
 
+pytestmark = pytest.mark.slow
+
 RULES = PartRules(2.0, 2.2, 0.15, 1.5, pockets=Pockets(2.75, 7.0))
 SHRINKAGE = 0.004
 WAVE = [[2, 0], [10, 0], [50, 5], [100, -3], [140, 0], [148, 0]]
@@ -157,7 +159,6 @@ def over_the_middle():
     return [cord("one", [0, 0, 1], [0, 0, 16], [1, 0, 0], points)]
 
 
-@pytest.mark.slow
 def test_a_round_part_that_is_cut_off_centre_takes_a_shell_of_two_pieces():
     part_set = make_parts(ball_with_holes([]), over_the_middle(), replace(RULES, pockets=None))
     low, high = make_moulds(part_set, MouldRules())
@@ -171,7 +172,6 @@ def test_a_round_part_that_is_cut_off_centre_takes_a_shell_of_two_pieces():
         assert half.down == pytest.approx(half.opens)
 
 
-@pytest.mark.slow
 def test_holes_that_cannot_be_cast_are_refused_with_their_place():
     across = [([1, 0, 0], (0, y, -2)) for y in (-10, 10)]
     body = ball_with_holes(across + [([0, 1, 0], (x, 0, -14)) for x in (-8, 8)])

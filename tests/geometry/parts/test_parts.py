@@ -24,6 +24,8 @@ from tests.geometry.parts.cords import cord
 from tests.support.errors import raises
 from tests.support.surfaces import distance, is_inside, read_stl
 
+pytestmark = pytest.mark.slow
+
 RULES = PartRules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
 
 

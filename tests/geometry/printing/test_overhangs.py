@@ -115,6 +115,7 @@ def test_rounded_edges_on_the_bed_need_no_supports():
     assert measure_overhang(cylinder_along_y(9, 60), DOWN).area == 0
 
 
+@pytest.mark.slow
 def test_measures_do_not_depend_on_the_orientation_of_the_body():
     rng = np.random.default_rng(0)
     for _ in range(VARIANTS):

@@ -77,6 +77,7 @@ def test_a_cord_passes_between_two_plates(folder):
         assert sum((cord ^ half).volume() for half in closed) > 1
 
 
+@pytest.mark.peer
 def test_slicer_accepts_both(folder):
     slicer.accept(folder)
 

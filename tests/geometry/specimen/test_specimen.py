@@ -19,6 +19,8 @@ from tests.geometry import slicer
 from tests.support.errors import raises
 from tests.support.surfaces import distance, from_trimesh
 
+pytestmark = pytest.mark.slow
+
 WITHIN = 0.05  # mm
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
@@ -138,6 +140,7 @@ def test_thin_skin_is_reported_with_a_sufficient_offset(no_parts, tmp_path):
     assert write_specimen(tmp_path, SpecimenOptions(offset=1.9))["warnings"] == []
 
 
+@pytest.mark.peer
 def test_slicer_accepts_all_parts(folder):
     slicer.accept(folder)
 

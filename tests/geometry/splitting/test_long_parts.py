@@ -20,6 +20,8 @@ from tests.geometry.parts.cords import cord
 from tests.support.errors import raises
 from tests.support.surfaces import is_inside
 
+pytestmark = pytest.mark.slow
+
 RULES = PartRules(2.0, 2.2, 0.2, 1.2, pockets=Pockets(2.8, 7.0))
 BED = (90.0, 90.0, 100.0)
 WAVE = [[2, 0], [10, 0], [50, 5], [100, -3], [140, 0], [148, 0]]

@@ -77,6 +77,7 @@ def test_partly_free_translations_are_kept(bar):
     assert conditions.handles[0].translation == pytest.approx([2.5, np.nan, 1], nan_ok=True)
 
 
+@pytest.mark.slow
 def test_a_region_free_in_one_pose_and_moved_in_another_is_solved_twice(bar):
     """The result equals that of prescribing the free equilibrium plus the further translation."""
     material = Material.from_spec(MaterialSpec("soft", 0.6, 0.45))

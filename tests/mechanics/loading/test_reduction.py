@@ -33,6 +33,7 @@ def full(upper):
     return dense + np.triu(dense, 1).T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
 def test_gradient_and_hessian_by_finite_differences(mesh, clamp, case):
     """Along random directions of the unknowns, handles turn by the exponential map."""
@@ -80,6 +81,7 @@ def test_gradient_and_hessian_by_finite_differences(mesh, clamp, case):
         assert (up - 2 * value(state) + down) / 1e-6 == pytest.approx(hessian[i, i], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_threads_do_not_change_the_matrix(mesh, clamp):
     conditions = clamp(mesh)
     reduction = Reduction(mesh, conditions)

@@ -21,6 +21,8 @@ from defsense_fab.sensing.response import Response, cord_signals
 from tests.conftest import structured_bar
 from tests.mechanics.elements.test_material import stress_of
 
+pytestmark = pytest.mark.slow
+
 YOUNG, NU = 0.6, 0.45
 MATERIAL = neo_hookean(YOUNG / (2 * (1 + NU)), YOUNG / (3 * (1 - 2 * NU)))
 SHEAR = MATERIAL.shear
@@ -181,7 +183,6 @@ def refined():
     return [structured([0, -15, -7.5], [150, 15, 7.5], (15 * n, 3 * n, 2 * n)) for n in (1, 2, 3)]
 
 
-@pytest.mark.slow
 def test_smooth_solutions_converge_at_the_rate_of_quadratic_elements(refined):
     """The surface is prescribed on a smooth curve: orders h^3 and at least h^2."""
 
@@ -205,7 +206,6 @@ def test_smooth_solutions_converge_at_the_rate_of_quadratic_elements(refined):
     assert relative < 3e-3
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("rotation", [[0, -np.pi / 3, 0], [np.pi / 3, 0, 0]], ids=["bend", "twist"])
 def test_clamped_poses_converge(refined, rotation):
     """The stress is singular at the edges of the clamps, which lowers the orders."""

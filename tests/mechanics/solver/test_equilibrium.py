@@ -43,6 +43,8 @@ from tests.conftest import structured_bar
 from tests.mechanics.conftest import MODELS
 from tests.support.errors import raises
 
+pytestmark = pytest.mark.slow
+
 MATERIAL = MODELS["neo-hookean"]
 
 

@@ -106,6 +106,7 @@ def test_the_visual_tolerance_is_faster_and_accurate_enough(clamp, meshes):
     assert np.abs(quick.u - exact.u).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_an_unreached_edit_reports_its_amplitude(clamp, meshes):
     """The failed pose is solved from rest, and the last pose remains the start of the next."""
 

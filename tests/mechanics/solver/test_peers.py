@@ -20,7 +20,7 @@ def bodies():
     return {name: body(name, edge / BODIES[name][2]) for name, edge in EDGES.items()}
 
 
-@pytest.mark.slow
+@pytest.mark.peer
 @pytest.mark.skipif(not agreement.installed("calculix"), reason="CalculiX is not installed")
 @pytest.mark.parametrize("nu", [0.45, 0.49])
 @pytest.mark.parametrize("title", ["bend 90", "twist 90"])
@@ -67,6 +67,7 @@ def test_random_poses_have_correct_statuses(bodies):
     assert solved >= 9
 
 
+@pytest.mark.slow
 def test_the_independent_check_detects_wrong_fields(bodies):
     """The check must fail for fields that are wrong in each way it looks for."""
     mesh, regions = bodies["bar"]

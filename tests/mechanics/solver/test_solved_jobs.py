@@ -15,6 +15,8 @@ from defsense_fab.mechanics.solver.solved_jobs import keep_solved_jobs
 from tests.conftest import structured_bar
 from tests.mechanics.conftest import FREE, MODELS
 
+pytestmark = pytest.mark.slow
+
 MATERIAL = MODELS["neo-hookean"]
 FRACTIONS = (0.5, 1.0)
 

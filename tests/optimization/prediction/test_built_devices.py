@@ -30,6 +30,7 @@ def predict(live_bar):
     return band
 
 
+@pytest.mark.slow
 def test_the_median_is_of_the_memory_that_a_cord_has(predict):
     unknown, knitted = predict("custom"), predict("graphene-knit")
     assert (unknown.family, knitted.family) == ("", "hysteretic")
@@ -40,6 +41,7 @@ def test_the_median_is_of_the_memory_that_a_cord_has(predict):
     assert "on hysteretic cords" in knitted.describe_trained()
 
 
+@pytest.mark.slow
 def test_memory_adds_to_the_error_of_the_same_session(predict):
     band = predict("custom", session=True)
     assert band.without_memory is not None
@@ -47,6 +49,7 @@ def test_memory_adds_to_the_error_of_the_same_session(predict):
     assert all(band.without_memory <= f.median for f in band.families.values())
 
 
+@pytest.mark.slow
 def test_the_range_is_of_all_kinds_of_memory(predict):
     unknown, knitted = predict("custom").trained, predict("graphene-knit").trained
     assert (knitted.low, knitted.high) == (unknown.low, unknown.high)

@@ -57,6 +57,7 @@ def test_one_cord_on_twist_reaches_the_floor(make):
     assert error(problem, design(problem, 1)) < 1.02 * problem.floor(1)
 
 
+@pytest.mark.slow
 def test_three_cords_on_ramps(make):
     problem = make(exact.RAMPS)
     found = [error(problem, design(problem, 3, seed, starts=4)) for seed in range(2)]
@@ -64,6 +65,7 @@ def test_three_cords_on_ramps(make):
     assert max(found) < 1.05 * min(found)
 
 
+@pytest.mark.slow
 def test_errors_on_unseen_mixtures(make):
     for decoder, limit in (("affine", 1.12), ("quadratic", 0.10)):
         problem = make(exact.MIXTURES, decoder=decoder)

@@ -25,6 +25,8 @@ from defsense_fab.optimization.search.starting_layouts import LayoutSearch
 from defsense_fab.sensing.response import Response
 from tests.conftest import structured_bar
 
+pytestmark = pytest.mark.slow
+
 COUNT = int(os.environ.get("DEFSENSE_RANDOM_DEVICES", "30"))
 _TOLERANCE = 0.05  # mm
 

@@ -32,6 +32,8 @@ from tests.optimization.conftest import LIMITS, ignore, search
 from tests.sensing.reference import signal_gradient
 from tests.support.errors import raises
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("decoder", DECODERS)
 @pytest.mark.parametrize("ends", [(0.0, 0.0, 0.0), (9.7, 0.0, 45.0), (0.0, 44.0, 49.0)])

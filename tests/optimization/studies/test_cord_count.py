@@ -15,6 +15,7 @@ from tests.optimization.conftest import LIMITS, ignore, search
 from tests.support.errors import raises
 
 
+@pytest.mark.slow
 def test_the_error_never_rises_with_the_number_of_cords(problem):
     found = list(layouts_by_count(problem, [1, 2, 3], 0, ignore))
     errors = [layout_error(problem, layout) for _, layout in found]
@@ -23,6 +24,7 @@ def test_the_error_never_rises_with_the_number_of_cords(problem):
     assert not any(verify(layout, problem.surface, LIMITS).violations for _, layout in found)
 
 
+@pytest.mark.slow
 def test_a_continued_study_finds_the_same(problem):
     whole = list(layouts_by_count(problem, [1, 2], 0, ignore, planes=1))
     ((count, layout),) = layouts_by_count(problem, [2], 0, ignore, previous=whole[0][1], planes=1)
@@ -40,6 +42,7 @@ def test_the_next_cord_leaves_the_others(problem, straight):
     assert not verify(layout, problem.surface, LIMITS).violations
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planes", [1, 2])
 def test_a_limit_on_planes(problem, planes):
     found = search(problem, extra=3, planes=planes, starts=2, candidates=3000)
@@ -48,6 +51,7 @@ def test_a_limit_on_planes(problem, planes):
     assert found.rmse <= layout_error(problem, found.initial)
 
 
+@pytest.mark.slow
 def test_a_limit_on_planes_keeps_the_planes_of_drawn_cords(problem, straight):
     locked = [straight("a", y=6, z=8, free=[]), straight("b", y=6, z=-8, free=["path"])]
     joined = [straight("a", y=6, z=8), straight("b", y=-6, z=8)]

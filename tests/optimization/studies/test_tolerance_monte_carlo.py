@@ -91,6 +91,7 @@ def test_the_band_of_straight_cords_does_not_depend_on_rounding(problem, straigh
     assert np.ptp(bands, axis=0).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_the_band_contains_nine_of_ten_devices(problem, straight):
     problem = replace(problem, noise=0.001)
     rng = np.random.default_rng(0)

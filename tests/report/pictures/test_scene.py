@@ -14,6 +14,8 @@ from defsense_fab.report.pictures.part_pictures import exploded
 from defsense_fab.report.pictures.scene import Scene
 from tests.conftest import box_surface
 
+pytestmark = pytest.mark.slow
+
 
 def image_of(uri):
     return np.array(Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2]))).convert("RGB"))

@@ -16,6 +16,8 @@ from defsense_fab.training.regression.intervals import fit_trained_range
 from tests.support.errors import raises
 from tests.training.conftest import recorded as recorded_fixture
 
+pytestmark = pytest.mark.slow
+
 recorded = recorded_fixture
 
 

@@ -25,7 +25,7 @@ class Recorder:
 
     def send(self, one):
         self.entered.set()
-        self.gate.wait(20)
+        self.gate.wait(120)
         if self.errors:
             raise self.errors.pop(0)
         self.got.append(one.number)
@@ -51,7 +51,7 @@ def test_only_the_latest_frame_waits(recorder, output):
     """While an output is busy, all frames but the last are dropped."""
     recorder.gate.clear()
     output.send(frame(0))
-    assert recorder.entered.wait(20)
+    assert recorder.entered.wait(120)
     for n in range(1, 100):
         output.send(frame(n))
     assert output.statistics.received == 100

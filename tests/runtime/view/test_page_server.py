@@ -20,7 +20,7 @@ viser = pytest.importorskip("viser")
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
 
-LONG = 60.0
+LONG = 240.0
 TOKEN = "t0ken-of-the-test"
 
 

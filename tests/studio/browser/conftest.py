@@ -11,7 +11,20 @@ from scipy.spatial.transform import Rotation
 SIZE = {"width": 800, "height": 600}  # small, because the processor draws it
 #: A quarter of the pixels; positions on the page do not change.
 COARSE = {"device_scale_factor": 0.5}
-TIMEOUT_MS = 60_000.0  # on a loaded machine
+TIMEOUT_MS = 240_000.0  # on a loaded machine
+#: The page draws five times per second at most: the processor draws it.
+FEWER_FRAMES = """
+const draw = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 200);
+window.cancelAnimationFrame = (number) => clearTimeout(number);
+"""
+
+
+def new_context(browser, **options):
+    """Return a context of a browser that draws coarsely and seldom."""
+    context = browser.new_context(**COARSE, **options)
+    context.add_init_script(FEWER_FRAMES)
+    return context
 
 
 @pytest.fixture
@@ -21,7 +34,7 @@ def open_browser(browser, studio_server, studio_page):
     studio_page.enter("Cords")
 
     def open_studio(size=SIZE):
-        context = browser.new_context(**COARSE, viewport=size)
+        context = new_context(browser, viewport=size)
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(TIMEOUT_MS)
@@ -34,13 +47,23 @@ def open_browser(browser, studio_server, studio_page):
         context.close()
 
 
-def until(condition, timeout_s=60.0):
+def until(condition, timeout_s=240.0):
     """Wait until a condition holds; return False after `timeout_s`."""
     deadline = time.monotonic() + timeout_s
     while time.monotonic() < deadline:
         if condition():
             return True
         time.sleep(0.05)
+    return False
+
+
+def drag_until(page, drag, condition):
+    """Drag until a condition holds, as a user would while a slow page still draws the scene."""
+    for _ in range(20):
+        page.wait_for_timeout(1000)
+        drag()
+        if until(condition, 4.0):
+            return True
     return False
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.studio.browser.conftest import until
+from tests.studio.browser.conftest import drag_until, until
 
 pytestmark = pytest.mark.slow
 PHONE = {"width": 390, "height": 844}
@@ -29,9 +29,8 @@ def test_a_cord_is_drawn_by_hand_and_undone_by_keys(open_browser, studio_page):
     page, before = open_browser(), set(cords_of(studio_page))
     page.get_by_role("button", name="Draw by hand").click()
     page.get_by_role("button", name="End drawing").wait_for()
-    page.wait_for_timeout(4000)  # until the camera has turned
-    draw(page, [(40 + 33 * k, 300 - 10 * np.sin(k / 2)) for k in range(13)])
-    assert until(lambda: set(cords_of(studio_page)) - before)
+    stroke = [(40 + 33 * k, 300 - 10 * np.sin(k / 2)) for k in range(13)]
+    assert drag_until(page, lambda: draw(page, stroke), lambda: set(cords_of(studio_page)) - before)
     (new,) = set(cords_of(studio_page)) - before
     page.get_by_text(f"Undo: draw {new}").wait_for()
     x = cords_of(studio_page)[new].curve.points[:, 0]

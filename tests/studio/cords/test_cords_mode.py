@@ -9,7 +9,7 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.studio.cords.cord_scene import with_point
 from defsense_fab.studio.edits.body import set_value
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 600.0
 
 
 @pytest.fixture

@@ -14,7 +14,9 @@ from defsense_fab.studio.project.history import History
 from tests.conftest import box_surface
 from tests.studio.devices import set_by_user
 
-TIMEOUT_S = 60.0
+pytestmark = pytest.mark.slow
+
+TIMEOUT_S = 600.0
 
 
 @pytest.fixture

@@ -25,7 +25,9 @@ from defsense_fab.studio.inside.section_quantities import (
 from defsense_fab.workflow.design.next_cord import map_next_cord
 from tests.support.errors import raises
 
-TIMEOUT_S = 60.0
+pytestmark = pytest.mark.slow
+
+TIMEOUT_S = 600.0
 PLANE_OUTSIDE = Plane.from_normal(np.array([0.0, 0, 40.0]), np.eye(3)[2], np.eye(3)[0])
 
 

@@ -21,7 +21,7 @@ from defsense_fab.workflow.calibrate.fit_response import fit_response
 from tests.runtime.live_frames import wait_for
 from tests.studio.devices import InlineProcess
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 600.0
 SPECIMEN = {
     "length": 150.0,
     "thickness": 8.0,
@@ -43,6 +43,7 @@ def write_specimen(folder):
     (folder / "specimen" / "specimen.json").write_text(json.dumps(SPECIMEN), encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_response_is_fitted_and_used_until_it_is_undone(calibration, studio_page):
     bench = studio_page.bench
     folder = bench.project.folder

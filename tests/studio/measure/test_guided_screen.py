@@ -18,7 +18,7 @@ from defsense_fab.studio.measure.guided_screen import (
     view_text,
 )
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 600.0
 OUTLINE = np.array([[[2.0, 2], [20, 2], [20, 20], [2, 20]]])
 PICTURES = (
     Picture("cam_0", "1 tag", np.zeros((48, 64, 3), np.uint8), OUTLINE, ("7",), np.ones(1, bool)),

@@ -18,7 +18,9 @@ from defsense_fab.workflow.run import sources
 from tests.runtime.live.conftest import NAMES
 from tests.runtime.live_frames import wait_for
 
-TIMEOUT_S = 60.0
+pytestmark = pytest.mark.slow
+
+TIMEOUT_S = 600.0
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from defsense_fab.workflow.sessions import recording as recording_module
 from tests.runtime.live.conftest import NAMES
 from tests.runtime.live_frames import wait_for
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 600.0
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from defsense_fab.workflow.train.evaluation import Measures
 from defsense_fab.workflow.train.options import TwinOptions
 from tests.studio.devices import InlineProcess
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 600.0
 
 
 def write_session(folder, layout, device="bar", *, is_processed=True):

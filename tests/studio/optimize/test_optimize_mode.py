@@ -19,7 +19,7 @@ from defsense_fab.studio.workbench.build_job import CandidateLayout
 from tests.runtime.live_frames import wait_for
 from tests.support.errors import raises
 
-TIMEOUT_S = 280.0
+TIMEOUT_S = 600.0
 
 
 def optimize_mode(page):

@@ -19,7 +19,7 @@ from tests.conftest import box_surface
 from tests.studio.devices import TEXT, click, write_device
 from tests.support.errors import raises
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 600.0
 
 
 @pytest.fixture

@@ -13,7 +13,9 @@ from defsense_fab.studio.edits.body import rename_device
 from defsense_fab.studio.page.studio_page import MODES, STEPS
 from tests.support.errors import raises
 
-TIMEOUT_S = 60.0
+pytestmark = pytest.mark.slow
+
+TIMEOUT_S = 600.0
 
 
 def test_one_mode_is_shown_at_a_time(studio_page):

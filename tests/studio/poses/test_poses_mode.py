@@ -14,7 +14,9 @@ from defsense_fab.core.rotations import rotation_matrices
 from defsense_fab.studio.poses.poses_mode import REGIONS
 from defsense_fab.workflow.view import View, quaternion
 
-TIMEOUT_S = 120.0
+pytestmark = pytest.mark.slow
+
+TIMEOUT_S = 600.0
 #: A camera far in front of the bar, whose square picture shows 200 mm.
 FRONT = View(
     np.array([75.0, -1000.0, 0.0]),

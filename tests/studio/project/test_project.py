@@ -52,6 +52,7 @@ def random_edit(project, rng):
     return edits[rng.integers(len(edits))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_undo_and_redo_through_two_hundred_operations(folder, seed):
     rng = np.random.default_rng(seed)

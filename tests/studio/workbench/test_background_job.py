@@ -16,7 +16,7 @@ from defsense_fab.studio.workbench.background_job import (
 )
 from defsense_fab.studio.workbench.build_job import run_build
 
-TIMEOUT_S = 120.0
+TIMEOUT_S = 600.0
 
 
 class Pipe:

@@ -7,7 +7,7 @@ import threading
 
 from defsense_fab.studio.workbench.latest_worker import LatestWorker
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 600.0
 
 
 def test_the_latest_item_is_handled_and_errors_are_reported():

@@ -13,6 +13,8 @@ from defsense_fab.training.data.time_alignment import align_samples, find_time_s
 from tests.support.errors import raises
 from tests.training.synthetic import IDS, QUIET, R0, REST, dataset, recording
 
+pytestmark = pytest.mark.slow
+
 
 def only_problem(problems, code):
     """Return the only problem with this code."""

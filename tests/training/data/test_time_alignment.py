@@ -17,6 +17,8 @@ from defsense_fab.training.data.time_alignment import (
 )
 from tests.training import soft_bar, synthetic
 
+pytestmark = pytest.mark.slow
+
 
 def late_by(r: Recording, seconds: float) -> Recording:
     """Return the recording with signals that are late."""

@@ -13,6 +13,8 @@ from defsense_fab.training.evaluation.evaluate import evaluate
 from defsense_fab.training.evaluation.marker_motion import sample_noise
 from tests.training import soft_bar as bar
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def model():

@@ -19,6 +19,8 @@ from defsense_fab.workflow.train.evaluation import short_names
 from tests.support.errors import raises
 from tests.training import soft_bar as bar
 
+pytestmark = pytest.mark.slow
+
 CAUSES = {"noise": 0.002, "sigma": 0.15, "gaps": 0.1, "memory": 0.3}
 
 

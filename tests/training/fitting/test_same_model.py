@@ -17,6 +17,8 @@ from tests.training.recordings.session_writer import write_samples, write_sessio
 from tests.training.recordings.xdf_writer import stream, write_xdf
 from tests.training.synthetic import CHANNELS, IDS, recording
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def r():

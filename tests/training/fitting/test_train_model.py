@@ -18,6 +18,8 @@ from tests.support.errors import raises
 
 from ..conftest import Maker
 
+pytestmark = pytest.mark.slow
+
 
 def changed(dataset: Dataset, **changes: object) -> Dataset:
     """Return the dataset with its one recording changed."""

@@ -13,6 +13,8 @@ from defsense_fab.training.options import TrainOptions
 from defsense_fab.training.regression.frames import Frames
 from tests.training import soft_bar, synthetic
 
+pytestmark = pytest.mark.slow
+
 OPTIONS = TrainOptions(decoder="affine", memory=False)
 
 

@@ -19,6 +19,8 @@ from tests.support.errors import raises
 from tests.support.xdf_variants import check, random_variant
 from tests.training.recordings.xdf_writer import chunk, stream, write_xdf
 
+pytestmark = pytest.mark.slow
+
 VARIANTS = int(os.environ.get("DEFSENSE_XDF_VARIANTS", "40"))
 TIME = 100 + np.arange(600) / 60
 VALUES = np.random.default_rng(0).normal(size=(600, 3))

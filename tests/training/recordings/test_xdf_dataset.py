@@ -15,6 +15,8 @@ from tests.training.recordings.files_of_others import markers
 from tests.training.recordings.xdf_writer import stream, write_xdf
 from tests.training.synthetic import CHANNELS, IDS, R0, recording
 
+pytestmark = pytest.mark.slow
+
 START = 5021.25  # s, on the computer's clock
 PLACES = [f"tag_{i}_{a}" for i in IDS.tolist() for a in "xyz"]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.training.data.dataset import Dataset
@@ -21,6 +22,8 @@ from defsense_fab.training.regression.simulation_prior import (
 from tests.support.errors import raises
 
 from ..conftest import Maker
+
+pytestmark = pytest.mark.slow
 
 
 def simulated(recorded: Maker, states: int = 40) -> Prior:

@@ -26,6 +26,8 @@ from defsense_fab.twin.scenes.assumptions import disable_traits
 from tests.support.errors import raises
 from tests.support.places import DEVICES
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def device(small_bar):

@@ -35,6 +35,7 @@ def camera(board_folder, capsys):
     return run
 
 
+@pytest.mark.slow
 def test_rehearsal_finds_the_true_cameras(camera, tmp_path):
     code, out, lines = camera("calibrate", "twin", "--views", "10", "--name", "a", "b")
     assert code == 0

@@ -12,6 +12,8 @@ from defsense_fab.core.errors import CaptureError
 from defsense_fab.twin.devices.twin_traits import FilmTraits
 from tests.support.errors import raises
 
+pytestmark = pytest.mark.slow
+
 SECONDS, RATE = 15.0, 12.0
 
 

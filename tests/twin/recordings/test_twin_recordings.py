@@ -292,6 +292,7 @@ def test_full_disk_leaves_no_partial_session(small_bar, tmp_path, monkeypatch, c
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_models_are_trained_on_simulated_sessions_and_recalibrated(small_bar, tmp_path, capsys):
     """Run the commands in the order of a user: `twin`, `train`, `evaluate`, `recalibrate`."""
     sessions, model = tmp_path / "sessions", tmp_path / "model.json"

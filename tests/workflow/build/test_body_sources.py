@@ -11,15 +11,16 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.workflow.build import body_sources
 from defsense_fab.workflow.build.build import build
 from defsense_fab.workflow.build.stages import STAGES, stage_keys
+from tests.support import body_scripts
 from tests.support.places import BAR
 
-HEAD = "import json, os, pathlib, subprocess\nimport build123d as bd\n"
+HEAD = "import json, os, pathlib, subprocess\n" + body_scripts.HEAD
 HERE = "here = pathlib.Path(__file__).parent\n"
-PLAIN = "def body(length, width, height): return bd.Pos(75, 0, 0) * bd.Box(length, width, height)\n"
+PLAIN = "def body(length, width, height): return box(length, width, height)\n"
 READING = (
     "def body(length, width, height):\n"
     "    width = json.loads((here / 'size.json').read_text())['width']\n"
-    "    return bd.Pos(75, 0, 0) * bd.Box(length, width, height)\n"
+    "    return box(length, width, height)\n"
 )
 
 
@@ -104,8 +105,8 @@ def test_file_that_was_missing_before_counts(folder):
 @pytest.mark.slow
 def test_files_that_the_script_writes_do_not_count(folder):
     own = (
-        "solid = bd.Box(1, 1, 1)\n"
-        "bd.export_step(solid, str(here / 'out.step'))\n"
+        "from OCP.BRepTools import BRepTools\n"
+        "BRepTools.Write_s(box(1, 1, 1).wrapped, str(here / 'out.brep'))\n"
         "cache = here / 'cache.txt'\n"
         "if not cache.exists(): cache.write_text(str(os.getpid()))\n"
         "cache.read_text()\n"
@@ -125,7 +126,7 @@ def test_cad_file_that_only_the_kernel_opens_counts(folder):
 
     step = folder / "core.step"
     bd.export_step(bd.Box(10, 10, 10), str(step))
-    core = "core = bd.import_step(str(here / 'core.step'))\n"
+    core = "import build123d as bd\ncore = bd.import_step(str(here / 'core.step'))\n"
     (folder / "bar.py").write_text(HEAD + HERE + core + PLAIN)
     assert made(folder) == ["body"]
     assert made(folder) == []

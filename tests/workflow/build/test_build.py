@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -26,7 +25,7 @@ from defsense_fab.core.errors import CaptureError, DeviceError, StorageError
 from defsense_fab.core.markers import read_markers
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.core.storage.files import storage_errors
-from defsense_fab.geometry.kernels import triangle_kernel
+from defsense_fab.geometry.kernels import occ, triangle_kernel
 from defsense_fab.optimization.prediction.design_task import load_task
 from defsense_fab.optimization.refinement.refine import OptimizedLayout
 from defsense_fab.sensing.voltage_divider import choose_reference
@@ -50,9 +49,9 @@ def device(tmp_path_factory):
     folder.mkdir()
     shutil.copy(BAR / "bar.py", folder)
     text = (BAR / "device.toml").read_text("utf-8")
-    text = text.replace("edge_length = 6.0", "edge_length = 12.0")
+    text = text.replace("edge_length = 6.0", "edge_length = 15.0")
     text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")
-    text = text[: text.rindex("[[sensors]]")] + "[design]\nsearches = 2\n"
+    text = text[: text.rindex("[[sensors]]")] + "[design]\nsearches = 1\n"
     (folder / "device.toml").write_text(text)
     assert main(["build", str(folder)]) == 0
     return folder
@@ -72,20 +71,20 @@ def change(folder, old, new):
 
 
 @pytest.mark.slow
-def test_cadquery_body_gives_the_same_parts(device, tmp_path):
+def test_cadquery_body_gives_the_same_surface_mesh_and_solid(device, tmp_path):
+    """All later stages depend on these alone."""
     folder = tmp_path / "other"
     folder.mkdir()
     shutil.copy(device / "device.toml", folder)
     shutil.copy(BAR.parent / "bar-cadquery" / "bar.py", folder)
-    assert main(["fabricate", str(folder)]) == 0
-    one, other = (
-        json.loads((f / "build" / "parts" / "manifest.json").read_text("utf-8"))
-        for f in (device, folder)
-    )
-    assert one["assembly"] == other["assembly"]
-    for a, b in zip(one["parts"], other["parts"], strict=True):
-        assert a["volume"] == pytest.approx(b["volume"], rel=1e-4)
-        assert np.array(a["bbox"]) == pytest.approx(np.array(b["bbox"]), abs=0.01)
+    assert main(["mesh", str(folder)]) == 0
+    one, other = (Build(f / "build") for f in (device, folder))
+    np.testing.assert_allclose(one.surface.vertices, other.surface.vertices, atol=1e-9)
+    np.testing.assert_array_equal(one.surface.faces, other.surface.faces)
+    assert one.mesh_record.hash == other.mesh_record.hash
+    solids = one.solid, other.solid
+    assert occ.volume(solids[0]) == pytest.approx(occ.volume(solids[1]), rel=1e-9)
+    assert occ.centroid(solids[0]) == pytest.approx(occ.centroid(solids[1]), abs=1e-6)
 
 
 @pytest.mark.slow
@@ -181,6 +180,7 @@ def test_layouts_are_tried_in_the_frames_of_the_file(straight):
     assert kept.plane.axes == pytest.approx(turned.plane.axes, abs=1e-15)
 
 
+@pytest.mark.slow
 def test_resistance_in_the_cut_list_is_that_of_the_cord_as_built(device):
     """Compare with a sum over the points of the cord between its ferrules, in every state."""
     built = load_device(device)
@@ -215,11 +215,9 @@ def test_resistance_in_the_cut_list_is_that_of_the_cord_as_built(device):
 @pytest.mark.slow
 def test_second_build_runs_no_stage(copy, capsys):
     before = snapshot(copy / "build")
-    begin = time.perf_counter()
     assert main(["build", str(copy), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["made"] == []
     assert snapshot(copy / "build") == before
-    assert time.perf_counter() - begin < 30
 
 
 @pytest.mark.slow
@@ -417,12 +415,13 @@ def test_strains_outside_of_the_calibrated_range_are_warnings():
     assert all(fact in warning for fact in ("'a'", "-3.0%", "9.0%", "-6.7%", "6.7%"))
 
 
+@pytest.mark.slow
 def test_built_device_is_recorded_by_its_twin_and_processed(copy, capsys):
     """Positions and signals follow the poses of the twin."""
     markers = ["capture", "markers", str(copy), "--side", "0,-1,1", "--count", "8"]
     assert main(markers) == 0
     record = ["capture", "record", str(copy), "--cameras", "twin", "--port", "twin", "--auto"]
-    record += ["--rounds", "1", "--seconds", "3", "--free", "0", "--rest", "2"]
+    record += ["--rounds", "1", "--seconds", "2", "--free", "0", "--rest", "1.5"]
     assert main(record) == 0
     with raises(CaptureError, "session-finished"):
         df.record(copy, ["twin"], "twin", rounds=1)
@@ -440,7 +439,7 @@ def test_built_device_is_recorded_by_its_twin_and_processed(copy, capsys):
     # Bends of 30 degrees, by what remains after alignment by all: up to 9 mm, of which a busy
     # machine's few pictures may miss the ends.
     assert np.nanmax(moved) > 3
-    at_rest = tracks.time < 1.5
+    at_rest = tracks.time < 1.2
     assert np.nanmedian(moved[at_rest]) < 1
     rows = (copy / "session" / "signals.csv").read_text("utf-8").splitlines()
     signals = np.array([[float(c) if c else np.nan for c in r.split(",")[2:-1]] for r in rows[1:]])

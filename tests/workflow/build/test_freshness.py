@@ -41,6 +41,7 @@ def states(folder):
     return [found[name] for name in ("body", "mesh", "simulate")]
 
 
+@pytest.mark.slow
 def test_a_change_outdates_the_stages_that_depend_on_it(folder):
     assert states(folder) == ["missing"] * 3
     build(load_device(folder), "mesh")
@@ -74,6 +75,7 @@ def test_silicone_data_affect_only_cast_devices(folder, monkeypatch, change, old
         assert changed == (old if process == "cast-silicone" else set())
 
 
+@pytest.mark.slow
 def test_build_body_leaves_the_build_unchanged(folder):
     build(load_device(folder), "mesh")
     before = {p: p.stat().st_mtime_ns for p in (folder / "build").rglob("*")}

@@ -15,6 +15,7 @@ from defsense_fab.store.build import Build
 from defsense_fab.workflow.build import stage_mesh, stage_simulate
 from defsense_fab.workflow.build.build import build
 from defsense_fab.workflow.build.load_cases import Loading
+from tests.support.body_scripts import write_bar
 from tests.support.errors import raises
 from tests.support.places import BAR
 
@@ -38,8 +39,8 @@ class Solver:
 @pytest.fixture(scope="module")
 def device(tmp_path_factory):
     folder = tmp_path_factory.mktemp("coarse")
-    for name in ("device.toml", "bar.py"):
-        shutil.copy(BAR / name, folder)
+    write_bar(folder)
+    shutil.copy(BAR / "device.toml", folder)
     path = folder / "device.toml"
     path.write_text(re.sub(r"edge_length = .*", "edge_length = 15", path.read_text("utf-8")))
     device = load_device(folder)
@@ -47,6 +48,7 @@ def device(tmp_path_factory):
     return device
 
 
+@pytest.mark.slow
 def test_interrupted_simulation_resumes_with_the_same_fields(device, monkeypatch, tmp_path):
     messages = []
 
@@ -75,6 +77,7 @@ def test_interrupted_simulation_resumes_with_the_same_fields(device, monkeypatch
     assert again.solved == 0
 
 
+@pytest.mark.slow
 def test_interrupted_search_for_a_density_resumes_with_the_same_mesh(device, monkeypatch, tmp_path):
     monkeypatch.setenv("DEFSENSE_CACHE", str(tmp_path))
     text = (device.source / "device.toml").read_text("utf-8")

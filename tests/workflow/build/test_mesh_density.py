@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 from dataclasses import replace
 
 import meshio
@@ -25,6 +24,7 @@ from defsense_fab.workflow.build.mesh_density import (
     probing_lines,
     relative_difference,
 )
+from tests.support.body_scripts import write_bar
 from tests.support.errors import raises
 from tests.support.places import BAR
 
@@ -48,14 +48,14 @@ def test_requested_accuracy_is_reached(bar):
     def make(edge):
         return conform_to_regions(tetrahedralize(bar, edge).mesh, regions)
 
-    choice = choose_mesh(device, bar, 0.02, make, lambda fraction, message: None)
-    assert 0 < choice.chosen.error <= 0.02
-    assert choice.chosen.edge_length == max(t.edge_length for t in choice.trials if t.error <= 0.02)
+    choice = choose_mesh(device, bar, 0.05, make, lambda fraction, message: None)
+    assert 0 < choice.chosen.error <= 0.05
+    assert choice.chosen.edge_length == max(t.edge_length for t in choice.trials if t.error <= 0.05)
     coarse = QuadraticMesh.from_linear(choice.trials[0].mesh)
     lines = probing_lines(PointLocator(coarse), np.random.default_rng(0))
     fine = QuadraticMesh.from_linear(make(choice.chosen.edge_length / 2.2))
     true = measure_signals(device, fine, PointLocator(fine), lines)
-    assert relative_difference(choice.chosen.signals - true, true) < 0.02
+    assert relative_difference(choice.chosen.signals - true, true) < 0.05
 
 
 def test_probing_lines_run_inside_and_along(mesh_of_bar):
@@ -74,9 +74,9 @@ def mesh_of_bar(bar_mesh):
 
 @pytest.fixture
 def folder(tmp_path):
-    shutil.copy(BAR / "bar.py", tmp_path)
+    write_bar(tmp_path)
     text = (
-        (BAR / "device.toml").read_text("utf-8").replace("edge_length = 6.0", "edge_length = 12.0")
+        (BAR / "device.toml").read_text("utf-8").replace("edge_length = 6.0", "edge_length = 16.0")
     )
     text = text.replace("0.25, 0.5, 0.75, 1.0", "1.0")
     (tmp_path / "device.toml").write_text(text)
@@ -92,8 +92,9 @@ def edit(folder, *changes):
     path.write_text(text)
 
 
+@pytest.mark.slow
 def test_reached_accuracy_is_recorded(folder, capsys):
-    edit(folder, ("edge_length = 12.0", "accuracy = 0.1"))
+    edit(folder, ("edge_length = 16.0", "accuracy = 0.1"))
     assert main(["mesh", str(folder)]) == 0
     capsys.readouterr()
     mesh = json.loads((folder / "build" / "mesh.json").read_text("utf-8"))
@@ -104,6 +105,7 @@ def test_reached_accuracy_is_recorded(folder, capsys):
     assert json.loads(capsys.readouterr().out)["made"] == []
 
 
+@pytest.mark.slow
 def test_pose_that_does_not_converge_leaves_its_last_field(folder):
     """Base and tip nearly meet and are pushed into each other, which no body can endure."""
     edit(
@@ -123,6 +125,7 @@ def test_pose_that_does_not_converge_leaves_its_last_field(folder):
     assert not (folder / "build" / "fields").exists()
 
 
+@pytest.mark.slow
 def test_self_penetration_and_a_small_region_are_warnings(folder, capsys):
     twist = 'region = "tip"\nrotate = { axis = [1, 0, 0], degrees = 45 }'
     dot = "dot = { sphere = { center = [150, 0, 0], radius = 9 } }\n"
@@ -143,6 +146,7 @@ def test_self_penetration_and_a_small_region_are_warnings(folder, capsys):
     assert "'dot'" in warnings
 
 
+@pytest.mark.slow
 def test_modes_propose_poses_that_can_be_built(folder, capsys):
     text = (folder / "device.toml").read_text("utf-8")
     start, end = text.index("tip ="), text.index("[outputs]")

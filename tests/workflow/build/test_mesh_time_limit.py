@@ -35,6 +35,7 @@ def limited(folder, seconds):
     return load_device(folder)
 
 
+@pytest.mark.slow
 def test_mesh_is_made_again_only_if_the_limit_is_raised(folder, monkeypatch):
     real = stage_mesh.tetrahedralize
 

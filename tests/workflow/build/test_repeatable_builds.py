@@ -10,6 +10,7 @@ from defsense_fab.geometry.bodies.meshing import tetrahedra
 from defsense_fab.geometry.bodies.meshing.meshers import FTETWILD
 from defsense_fab.geometry.bodies.meshing.tetrahedra import plan_methods
 from defsense_fab.geometry.kernels import occ
+from tests.support.body_scripts import write_bar
 from tests.support.places import BAR
 
 SMALL = ("edge_length = 6.0", "edge_length = 15.0"), ("0.25, 0.5, 0.75, 1.0", "1.0")
@@ -22,14 +23,14 @@ def device(tmp_path):
     def make(name, *changes):
         folder = tmp_path / name
         folder.mkdir(parents=True)
-        shutil.copy(BAR / "bar.py", folder)
+        write_bar(folder)
         text = (BAR / "device.toml").read_text("utf-8")
         for old, new in (*SMALL, *changes):
             assert old in text
             text = text.replace(old, new)
         (folder / "device.toml").write_text(
             text[: text.index("[[sensors]]")]
-            + '[design]\nsensors = 2\nsearches = 2\ndecoder = "affine"\n'
+            + '[design]\nsensors = 1\nsearches = 2\ndecoder = "affine"\n'
         )
         return folder
 

@@ -32,6 +32,8 @@ from tests.support.errors import raises
 from tests.support.films import BOARD, LEFT, RIGHT, board_scene, images, take
 from tests.twin.film import Shutter
 
+pytestmark = pytest.mark.slow
+
 POSES, RATE_HZ = 14, 10.0
 VIDEOS = ("left.mkv", "right.mkv")
 MOVED_RIGHT = replace(RIGHT, translation=RIGHT.translation + np.array([0, 2, 0]))

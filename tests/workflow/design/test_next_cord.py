@@ -19,6 +19,8 @@ from defsense_fab.workflow.design.next_cord import (
 from tests.runtime.live.conftest import live_bar as live_bar_fixture
 from tests.twin.conftest import small_bar as small_bar_fixture
 
+pytestmark = pytest.mark.slow
+
 small_bar, live_bar = small_bar_fixture, live_bar_fixture
 PLANE = Plane.from_normal(np.array([75.0, 0, -6]), np.array([0, 0.2, 1.0]), np.eye(3)[0])
 

@@ -28,6 +28,8 @@ from tests.conftest import structured_bar
 from tests.support.errors import raises
 from tests.twin.conftest import small_bar as small_bar_fixture
 
+pytestmark = pytest.mark.slow
+
 small_bar = small_bar_fixture
 COARSE = structured_bar([0, -15, -15], [150, 15, 15], (15, 2, 2))
 CLOSE = 2e-5  # mm; fields are rounded to half of that

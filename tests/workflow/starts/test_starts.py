@@ -249,6 +249,7 @@ def test_every_process_has_a_material():
     )
 
 
+@pytest.mark.slow
 def test_files_that_a_script_imports_are_copied(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sizes.py").write_text("RADIUS = 15\n", encoding="utf-8")
@@ -270,6 +271,7 @@ def test_user_defined_process_needs_a_material():
         default_material("my-printer")
 
 
+@pytest.mark.slow
 def test_only_parameters_that_can_be_passed_by_name_are_written(tmp_path):
     script = tmp_path / "bar.py"
     script.write_text(

@@ -25,6 +25,7 @@ from defsense_fab.workflow.study.cord_count import (
     study_key,
     write_rows,
 )
+from tests.support.body_scripts import write_bar
 from tests.support.places import BAR
 
 
@@ -112,7 +113,7 @@ def test_a_resumed_study_gives_the_results_of_an_uninterrupted_one(tmp_path, cap
     for name, ranges in (("whole", ["1..2"]), ("resumed", ["1", "1..2"])):
         folder = tmp_path / name
         folder.mkdir()
-        shutil.copy(BAR / "bar.py", folder)
+        write_bar(folder)
         (folder / "device.toml").write_text(text)
         for numbers in ranges:
             capsys.readouterr()

@@ -75,6 +75,7 @@ def check_complete(result):
     assert failed["message"].startswith("device.toml:3: body.scale: ")
 
 
+@pytest.mark.slow
 def test_interrupted_study_resumes(folder, capsys):
     result = study(capsys, folder, "--workers", "1")
     check_complete(result)
@@ -105,6 +106,7 @@ def test_interrupted_study_resumes(folder, capsys):
     assert log.read_text("utf-8") == "what?\n"
 
 
+@pytest.mark.slow
 def test_run_whose_process_dies_is_broken_and_repeated(folder, capsys, monkeypatch):
     monkeypatch.setattr(run_group, "RUN_MODULE", "no_such_module")
     with raises(StudyError, "all-runs-failed", runs=4):
@@ -118,6 +120,7 @@ def test_run_whose_process_dies_is_broken_and_repeated(folder, capsys, monkeypat
     check_complete(study(capsys, folder))
 
 
+@pytest.mark.slow
 def test_run_that_takes_too_long_is_broken(folder):
     text = "time_limit = 0.01\n" + STUDY.replace("[1.0, 2.0, -1.0, 3.0, 3.0]", "[1.0, 2.0]")
     (folder / "study.toml").write_text(text)
@@ -165,6 +168,7 @@ def test_missing_scheduler_is_reported_within_seconds(folder, capsys, monkeypatc
             study_parameters(folder, {}, options=StudyOptions(scheduler=address))
 
 
+@pytest.mark.slow
 def test_cluster_gives_the_same_results_and_rejects_other_versions(
     folder, capsys, monkeypatch, tmp_path_factory
 ):

@@ -218,6 +218,7 @@ def test_measures_of_a_run_are_those_of_its_stages():
     assert all(describe_measure(name) for name in measures_until("fabricate"))
 
 
+@pytest.mark.slow
 def test_progress_is_reported_while_many_points_are_read(folder):
     reports = []
     text = "[parameters]\ncord.noise = { range = [0.001, 0.04], steps = 1200 }"

@@ -27,6 +27,8 @@ from defsense_fab.workflow.tags.markers import write_markers
 from defsense_fab.workflow.tags.options import MarkerOptions
 from tests.support.errors import raises
 
+pytestmark = pytest.mark.slow
+
 DEVICE = """
 name = "box"
 [body]

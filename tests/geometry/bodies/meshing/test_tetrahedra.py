@@ -35,6 +35,8 @@ from tests.support.errors import raises
 from tests.support.places import DEVICES
 from tests.support.surfaces import from_trimesh
 
+pytestmark = pytest.mark.slow
+
 
 def ball(radius, rounds=4):
     """A sphere of 20 * 4^rounds facets, whose corners lie on it."""
@@ -46,12 +48,16 @@ def blob():
     return read_mesh(DEVICES / "blob" / "blob.stl", 1.0, (1.0, 1e4))[0]
 
 
-def test_a_body_gives_the_same_mesh_every_time(blob, tmp_path, monkeypatch):
-    first = tetrahedralize(blob, 9.0)
+@pytest.fixture(scope="module")
+def first(blob):
+    return tetrahedralize(blob, 12.0)
+
+
+def test_a_body_gives_the_same_mesh_every_time(blob, first, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    second = tetrahedralize(blob, 9.0)
+    second = tetrahedralize(blob, 12.0)
     assert first.repeatable
     assert second.mesh.digest == first.mesh.digest
 
@@ -59,12 +65,11 @@ def test_a_body_gives_the_same_mesh_every_time(blob, tmp_path, monkeypatch):
 _DIGEST = """
 from tests.geometry.bodies.meshing.test_tetrahedra import DEVICES, read_mesh, tetrahedralize
 blob = read_mesh(DEVICES / "blob" / "blob.stl", 1.0, (1.0, 1e4))[0]
-print(tetrahedralize(blob, 9.0).mesh.digest)
+print(tetrahedralize(blob, 12.0).mesh.digest)
 """
 
 
-@pytest.mark.slow
-def test_another_processor_makes_the_same_mesh(blob):
+def test_another_processor_makes_the_same_mesh(first):
     result = subprocess.run(
         [sys.executable, "-c", _DIGEST],
         env={**os.environ, "OPENBLAS_CORETYPE": "Nehalem", "PYTHONPATH": os.pathsep.join(sys.path)},
@@ -72,7 +77,7 @@ def test_another_processor_makes_the_same_mesh(blob):
         text=True,
         check=True,
     )
-    assert result.stdout.split() == [tetrahedralize(blob, 9.0).mesh.digest]
+    assert result.stdout.split() == [first.mesh.digest]
 
 
 @pytest.mark.parametrize("how", ["killed", "reported"])
@@ -178,7 +183,6 @@ def only(monkeypatch, mesher):
     monkeypatch.setattr(tetrahedra, "plan_methods", planned)
 
 
-@pytest.mark.slow
 def test_ftetwild_is_used_if_netgen_fails(bar, monkeypatch):
     only(monkeypatch, FTETWILD)
     lines = []

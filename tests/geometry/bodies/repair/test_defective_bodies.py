@@ -222,6 +222,7 @@ def test_a_wide_hole_is_refused_with_its_place(bar):
     assert "box.stl" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_surface_that_passes_through_itself_is_refused_with_its_place(bar):
     """One end of the bar is folded back through its side."""
     vertices, faces = fine(bar)
