@@ -213,7 +213,7 @@ STAGES = (
         "simulate the poses",
         ("fields",),
         lambda d: plain((d.material, d.poses, d.states)),
-        ("numpy", "scipy", "numba", "pypardiso", "mkl", "rslab"),
+        ("numpy", "scipy", "pypardiso", "mkl", "rslab"),
         _COARSER,
     ),
     Stage(
@@ -221,7 +221,7 @@ STAGES = (
         "optimize the cords",
         ("layout.json", "prediction.json", "layouts.json"),
         lambda d: (*layout_parts(d), plain(d.sensors)),
-        ("daqp", "libigl"),  # NumPy, SciPy and numba count by the key of the stage before
+        ("daqp", "libigl"),  # NumPy and SciPy count by the key of the stage before
         _COARSER,
     ),
     Stage(
