@@ -15,7 +15,7 @@ typedef struct {
     const double *breaks, *origins, *pieces;
     int64_t count; /* of breaks */
 } Answer;
-enum { ANSWER_ARGS = 7 };
+enum { ANSWER_ARGS = 7, LINES_ARGS = 6 };
 
 static Answer read_answer(const Arg *a)
 {
@@ -85,16 +85,15 @@ static inline double segment_length(const double *points, int64_t p)
     return sqrt(x * x + y * y + z * z) + MIN_LENGTH_MM;
 }
 
-/* Fill the strained share of each segment: the part at least `hidden` mm from both line ends. Returns
-   the rest length of the strained part, and the end points of the segments in which it starts and ends. */
+/* Fill the strained share of each segment: the part at least `hidden` mm from both line ends. Return
+   the rest length of the strained part; fill the end points of the segments in which it begins and ends. */
 static double find_strained(const double *points, int64_t first, int64_t last, double hidden,
                             double *shares, int64_t *begins, int64_t *ends)
 {
     double total = 0.0, along = 0.0;
+    *begins = first, *ends = last;
     for (int64_t p = first + 1; p < last; p++)
         total += segment_length(points, p);
-    *begins = first;
-    *ends = last;
     for (int64_t p = first + 1; p < last; p++) {
         double step = segment_length(points, p);
         double low = MAX(along, hidden), high = MIN(along + step, total - hidden);
@@ -231,7 +230,6 @@ typedef struct {
     int64_t *cell;
     double *bary, *moved, *steps, *signals, *bent;
 } Lines;
-enum { LINES_ARGS = 6 };
 
 static Lines read_lines(const Arg *a)
 {
@@ -261,9 +259,9 @@ int run_carry_lines(const Arg *a)
     return DONE;
 }
 
-/* Fill weighted unit vectors (p + 1, 3 s) of the segments that end at each point. The weights are the
-   line's `weights` (m, s) and, if any, the segment's derivatives bent[0]. The vectors are zero at the
-   start of a line and after the last point. */
+/* Fill the derivatives (p, 3 s) of the lines' signals by the deformed points: the weighted unit vector of
+   the segment that ends at a point, minus that of the next one. The weights are the line's `weights`
+   (m, s) and, if any, the segment's derivatives bent[0]. One more row of `pulls` is scratch. */
 HOT static void fill_pulls(const int64_t *ends, int64_t lines, const Lines *of, int64_t states,
                            const double *weights, double *RESTRICT pulls)
 {
@@ -274,18 +272,20 @@ HOT static void fill_pulls(const int64_t *ends, int64_t lines, const Lines *of, 
         memset(pulls + 3 * states * ends[c], 0, row);
         for (int64_t p = ends[c] + 1; p < ends[c + 1]; p++) {
             const double *step = of->steps + states * p;
-            for (int64_t i = 0; i < 3; i++) {
-                const double *to = of->moved + 3 * states * p + states * i;
-                const double *from = to - 3 * states;
-                double *RESTRICT out = pulls + 3 * states * p + states * i;
+            const double *to = of->moved + 3 * states * p, *from = to - 3 * states;
+            double *RESTRICT out = pulls + 3 * states * p;
+            for (int64_t s = 0; s < states; s++)
+                out[s] = w[s] / step[s];
+            for (int64_t i = 2; i >= 0; i--) /* the factors are in the first row until the end */
                 for (int64_t s = 0; s < states; s++)
-                    out[s] = w[s] / step[s] * (to[s] - from[s]);
-                if (of->bent)
-                    for (int64_t s = 0; s < states; s++)
-                        out[s] *= of->bent[states * p + s];
-            }
+                    out[states * i + s] = out[s] * (to[states * i + s] - from[states * i + s]);
+            for (int64_t i = 0; of->bent && i < 3; i++)
+                for (int64_t s = 0; s < states; s++)
+                    out[states * i + s] *= of->bent[states * p + s];
         }
     }
+    for (int64_t k = 0; k < 3 * states * ends[lines]; k++)
+        pulls[k] -= pulls[k + 3 * states];
 }
 
 /* Add a multiple of x (s) to y. */
@@ -297,18 +297,17 @@ static inline void add_multiple(double factor, const double *RESTRICT x, int64_t
 }
 
 /* Derivatives (p, 3, s) of each line's signals by its points, without the part by the rest lengths.
-   `v` (3 s) and `by_corner` (4 s) are scratch. */
+   `by_corner` (4 s) is scratch. */
 HOT static void slopes_of_moves(const Lines *of, int64_t points, const int64_t *cells,
                                 const double *by_bary, const double *nodal, int64_t states,
-                                const double *pulls, double *RESTRICT v,
-                                double *RESTRICT by_corner, double *RESTRICT out)
+                                const double *pulls, double *RESTRICT by_corner,
+                                double *RESTRICT out)
 {
     int64_t width = 3 * states;
     for (int64_t p = 0; p < points; p++) {
         int64_t e = of->cell[p];
         const int64_t *n = cells + 10 * e;
-        for (int64_t k = 0; k < width; k++)
-            v[k] = pulls[width * p + k] - pulls[width * (p + 1) + k];
+        const double *v = pulls + width * p;
         for (int i = 0; i < 4; i++) {
             const double *b = of->bary + 4 * p;
             double w0 = 4 * b[i] - 1, w1 = 4 * b[BEYOND[i][0]];
@@ -342,16 +341,16 @@ int run_fill_slopes(const Arg *a)
     Lines of = read_lines(a + 5);
     double *out = a[5 + LINES_ARGS].data;
     int64_t count = a[0].size[0], lines = a[1].size[0] - 1, states = a[8].size[1];
-    double *scratch = calloc((size_t)((lines + 3 * (count + 1) + 7) * states + 1), sizeof(double));
+    double *scratch = calloc((size_t)((lines + 3 * (count + 1) + 4) * states + 1), sizeof(double));
     if (!scratch)
         return OUT_OF_MEMORY;
-    double *weights = scratch, *v = weights + lines * states, *by_corner = v + 3 * states;
+    double *weights = scratch, *by_corner = weights + lines * states;
     double *pulls = by_corner + 4 * states;
     for (int64_t c = 0; c < lines; c++)
         memcpy(weights + states * c, of.signals + states * (3 * c + 1),
                (size_t)states * sizeof(double));
     fill_pulls(ends, lines, &of, states, weights, pulls);
-    slopes_of_moves(&of, count, a[2].data, a[3].data, a[4].data, states, pulls, v, by_corner, out);
+    slopes_of_moves(&of, count, a[2].data, a[3].data, a[4].data, states, pulls, by_corner, out);
     for (int64_t c = 0; c < lines; c++) {
         const double *by_rest = of.signals + states * (3 * c + 2), *w = weights + states * c;
         for (int64_t p = ends[c] + 1; p < ends[c + 1]; p++) {
@@ -375,24 +374,23 @@ int run_fill_slopes(const Arg *a)
     return DONE;
 }
 
-/* Fill h (10), the products of v = pull - next (width) with the rows of the tet's nodes. Each is summed
-   in four parts, which fit a vector of the processor. */
-HOT static void products(const double *RESTRICT pull, int64_t width, const int64_t *RESTRICT nodes,
+/* Fill h (10), the products of v (width) with the rows of the tet's nodes. Each is summed in four
+   parts, which fit a vector of the processor. */
+HOT static void products(const double *RESTRICT v, int64_t width, const int64_t *RESTRICT nodes,
                          const double *RESTRICT nodal, double *RESTRICT h)
 {
-    const double *next = pull + width;
     for (int n = 0; n < 10; n++) {
         const double *x = nodal + width * nodes[n];
         double a = 0.0, b = 0.0, c = 0.0, d = 0.0;
         int64_t k = 0;
         for (; k + 4 <= width; k += 4) {
-            a += (pull[k] - next[k]) * x[k];
-            b += (pull[k + 1] - next[k + 1]) * x[k + 1];
-            c += (pull[k + 2] - next[k + 2]) * x[k + 2];
-            d += (pull[k + 3] - next[k + 3]) * x[k + 3];
+            a += v[k] * x[k];
+            b += v[k + 1] * x[k + 1];
+            c += v[k + 2] * x[k + 2];
+            d += v[k + 3] * x[k + 3];
         }
         for (; k < width; k++)
-            a += (pull[k] - next[k]) * x[k];
+            a += v[k] * x[k];
         h[n] = (a + b) + (c + d);
     }
 }

@@ -72,7 +72,7 @@ static void fill_features(const Problem *of, const double *signals, Fit *fit)
 }
 
 /* Return the squares of the outputs that the best map of the signals explains, and fill `fit`. */
-HOT static double explain(const Problem *of, const double *signals, Fit *fit)
+static double explain(const Problem *of, const double *signals, Fit *fit)
 {
     int64_t f = of->f, r = of->r;
     double *factor = fit->factor, *right = fit->right, explained = 0.0;

@@ -248,8 +248,8 @@ static inline void project(const double *F, double *H, const double *d, double i
 /* Fill H (9, 9) with the tangent d2W/dF2, MPa; row 3 i + j belongs to F_ij. `lag` is the difference
    of the pressure that multiplies d2J/dF2 from the pressure at F, MPa, `share` (0 to 1) that of the
    negative part of H that is removed. */
-HOT void tangent(int64_t kind, const double *p, const double *F, double lag, double share,
-                 double *RESTRICT H)
+void tangent(int64_t kind, const double *p, const double *F, double lag, double share,
+             double *RESTRICT H)
 {
     double C[9], B[9], d[10], i1, i2;
     double J = invariants(F, C, &i1, &i2);

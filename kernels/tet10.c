@@ -2,7 +2,7 @@
    Kernels work on the tets from `start` on and before `stop`. */
 #include "kernels.h"
 
-HOT int run_gradients(const Arg *a)
+int run_gradients(const Arg *a)
 {
     const double *x = a[0].data, *gradient = a[2].data;
     const int64_t *cells = a[1].data;
@@ -48,7 +48,7 @@ int run_energies(const Arg *a)
     return DONE;
 }
 
-HOT int run_forces(const Arg *a)
+int run_forces(const Arg *a)
 {
     const double *F = a[0].data, *gradient = a[1].data, *weight = a[2].data, *p = a[4].data;
     double *out = a[7].data, P[9];
@@ -83,8 +83,8 @@ int run_scatter(const Arg *a)
 }
 
 /* Fill K (30, 30) of one tet with F (4, 3, 3) and shape gradients (4, 10, 3). */
-HOT void element_tangent(const double *F, const double *gradient, double weight, int64_t kind,
-                         const double *p, const double *lag, double share, double *RESTRICT K)
+void element_tangent(const double *F, const double *gradient, double weight, int64_t kind,
+                     const double *p, const double *lag, double share, double *RESTRICT K)
 {
     double H[81], T[9][30], columns[3][30];
     memset(K, 0, 900 * sizeof(double));
