@@ -48,8 +48,8 @@ guide: setup
 
 setup: $(VENV)/.ready
 
-$(VENV)/.ready: requirements.lock pyproject.toml setup-system.sh
-	sh setup-system.sh
+$(VENV)/.ready: requirements.lock pyproject.toml setup-system.sh setup.py $(wildcard kernels/*)
+	PYTHON=$(PYTHON) sh setup-system.sh
 	$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(not (3, 11) <= v <= (3, 13) and f"Python 3.11, 3.12 or 3.13 is needed, this is {v[0]}.{v[1]}: make PYTHON=python3.13")'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --no-deps -r requirements.lock
@@ -57,4 +57,4 @@ $(VENV)/.ready: requirements.lock pyproject.toml setup-system.sh
 	touch $@
 
 clean:
-	rm -rf $(VENV) fixtures/devices/*/build fixtures/devices/*/.build-*
+	rm -rf $(VENV) defsense_fab/core/machine/kernels.abi3.so fixtures/devices/*/build fixtures/devices/*/.build-*

@@ -1,5 +1,6 @@
 #!/bin/sh
-# The CAD kernels and the picture renderer load libGL.so.1, which bare Debian and Ubuntu lack.
+# The CAD kernels and the picture renderer load libGL.so.1, and setup.py needs a C compiler and the headers
+# of Python; bare Debian and Ubuntu lack them.
 # "setup-system.sh test" also installs the AVR compiler and simulator for the tests of the firmware and a
 # browser for those of the studio, which are skipped where they cannot be installed.
 set -eu
@@ -9,8 +10,11 @@ needed="" wanted=""
 for pair in libGL.so.1:libgl1 libXrender.so.1:libxrender1 libEGL.so.1:libegl1; do
     ldconfig -p | grep -q "${pair%%:*}" || needed="$needed ${pair##*:}"
 done
+command -v cc >/dev/null && [ -e /usr/include/stdio.h ] || needed="$needed gcc libc6-dev"
+"${PYTHON:-python3}" -c "import os, sysconfig as s; os.stat(s.get_path('include') + '/Python.h')" 2>/dev/null ||
+    needed="$needed python3-dev"
 if [ "${1:-}" = test ]; then
-    for pair in /usr/bin/gcc:gcc /usr/include/stdio.h:libc6-dev /usr/bin/avr-gcc:gcc-avr \
+    for pair in /usr/bin/avr-gcc:gcc-avr \
         /usr/lib/avr/include/avr/io.h:avr-libc /usr/share/arduino/hardware/arduino/avr:arduino-core-avr \
         /usr/include/simavr/sim_avr.h:libsimavr-dev /usr/include/libelf.h:libelf-dev \
         /usr/bin/chromium:chromium; do
@@ -23,7 +27,7 @@ if command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then
 elif command -v apt-get >/dev/null && command -v sudo >/dev/null && sudo -n true 2>/dev/null; then
     apt_get="sudo apt-get"
 elif [ -n "$needed" ]; then
-    echo "System libraries are missing. Type:  sudo apt-get install$needed" >&2
+    echo "Packages of the system are missing. Type:  sudo apt-get install$needed" >&2
     exit 1
 else
     echo "Tests of the firmware and in a browser will be skipped. For them type:  sudo apt-get install$wanted" >&2

@@ -1,10 +1,12 @@
-"""What pyproject.toml cannot say: the package carries devices, examples and firmware that lie
-elsewhere in the repository. Links would do on Linux; on Windows they are checked out as text."""
+"""What pyproject.toml cannot say: flags of the C compiler, and that the package carries devices,
+examples and firmware that lie elsewhere in the repository. Links would do on Linux; on Windows they
+are checked out as text."""
 
 import runpy
 from pathlib import Path
 
-from setuptools import setup
+from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
 PACKAGE = Path("defsense_fab")
@@ -43,4 +45,31 @@ class BuildWithData(build_py):
                 self.copy_file(str(file), str(target))
 
 
-setup(cmdclass={"build_py": BuildWithData})
+class BuildKernels(build_ext):
+    """Compiles `kernels/`, with flags under which all processors compute the same numbers."""
+
+    def build_extensions(self):
+        if self.compiler.compiler_type == "msvc":
+            flags = ["/O2", "/fp:precise", "/std:c11"]
+        else:
+            flags = ["-O3", "-g0", "-std=gnu99", "-ffp-contract=off", "-fno-math-errno",
+                     "-fno-trapping-math"]  # fmt: skip
+        for extension in self.extensions:
+            extension.extra_compile_args = flags
+        super().build_extensions()
+
+
+# The stable interface of Python 3.11, the first one with buffers: one wheel for all Pythons.
+KERNELS = Extension(
+    "defsense_fab.core.machine.kernels",
+    sorted(p.as_posix() for p in Path("kernels").glob("*.c")),
+    depends=["kernels/kernels.h"],
+    define_macros=[("Py_LIMITED_API", "0x030B0000")],
+    py_limited_api=True,
+)
+
+setup(
+    cmdclass={"build_py": BuildWithData, "build_ext": BuildKernels},
+    ext_modules=[KERNELS],
+    options={"bdist_wheel": {"py_limited_api": "cp311"}},
+)

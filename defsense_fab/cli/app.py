@@ -186,6 +186,7 @@ _TASKS: dict[str, dict[str, tuple[str, str]]] = {
     },
     "Help": {
         "doctor": ("help.doctor", "Check dependencies and show how to install missing ones"),
+        "cache": ("help.cache", "Clear cached meshes, solved poses and compiled code"),
         "licences": ("help.licences", "List the licenses of the installed libraries"),
         "completion": ("help.completion", "Print the script that completes commands in a shell"),
     },

@@ -53,6 +53,7 @@ _INTERRUPTED = {
     "run": "Recorded readings are kept.",
     "studio": "All changes are saved.",
     "doctor": "Nothing was changed.",
+    "cache": "Some files were deleted; rerun the command to delete the others.",
     "licences": "Nothing was changed.",
     "completion": "Nothing was changed.",
     "twin": "No incomplete session is kept; solved states are reused by the next run.",

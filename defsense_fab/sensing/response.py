@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Float
-from ..core.machine.compiled import compiled
+from ..core.machine import kernels
 from ..core.response import ResponseSpec
 
 
@@ -57,9 +57,10 @@ class Response:
 
     def _evaluate(self, strain: Float) -> tuple[Float, Float]:
         strain = np.asarray(strain, float)
-        i = np.searchsorted(self.breaks, strain)
-        t, (a, b, c, d) = strain - self.origins[i], np.moveaxis(self.pieces[i], -1, 0)
-        return a + t * (b + t * (c + t * d)), b + t * (2 * c + t * 3 * d)
+        out = np.empty((2, strain.size))
+        kernels.evaluate_response(np.ravel(strain), self.breaks, self.origins, self.pieces, out)
+        w, slope = out.reshape(2, *strain.shape)
+        return w, slope
 
 
 def build_response(spec: ResponseSpec) -> Response:
@@ -109,17 +110,6 @@ def _add_tangents(inside: Response, low: float, high: float) -> Response:
         breaks, origins = np.append(breaks, high), np.append(origins, high)
         pieces = np.concatenate([pieces, [tail]])
     return Response(breaks, origins, pieces)
-
-
-@compiled(error_model="numpy")
-def evaluate_response(strain, breaks, origins, pieces):  # type: ignore[no-untyped-def]
-    """Return w and dw/deps at one strain, for compiled loops."""
-    i = 0
-    while i < len(breaks) and strain > breaks[i]:
-        i += 1
-    t = strain - origins[i]
-    a, b, c, d = pieces[i, 0], pieces[i, 1], pieces[i, 2], pieces[i, 3]
-    return a + t * (b + t * (c + t * d)), b + t * (2 * c + t * 3 * d)
 
 
 def cord_signals(rest: Float, deformed: Float, response: Response) -> Float:

@@ -62,7 +62,9 @@ def test_wheel_contains_the_files_of_the_package_only(unpacked):
     package = {n for n in _tracked() if n.startswith("defsense_fab/")}
     carried = {n for n in files if n.startswith(tuple(f"defsense_fab/data/{k}/" for k in
                ("devices", "examples", "firmware")))}  # fmt: skip
-    assert files - carried == package
+    (kernels,) = files - carried - package  # compiled for this system, for all Pythons
+    assert kernels.startswith("defsense_fab/core/machine/kernels.")
+    assert package <= files
     for name, folder in (("devices", "fixtures/devices"), ("examples", "examples"),
                          ("firmware", "firmware")):  # fmt: skip
         copies = [n for n in carried if n.startswith(f"defsense_fab/data/{name}/")]

@@ -16,7 +16,6 @@ from defsense_fab.sensing.response import (
     Response,
     build_response,
     cord_signals,
-    evaluate_response,
     relative_change,
 )
 
@@ -156,14 +155,6 @@ def test_slope_is_the_derivative(response):
     )
     assert response(np.array(0.0)) == 0
     assert (response.slope(e) >= 0).all()
-
-
-def test_compiled_response_is_equal(response):
-    e = np.linspace(-0.2, 0.2, 81) + 1e-4
-    where = response.breaks, response.origins, response.pieces
-    result = np.array([evaluate_response(x, *where) for x in e])
-    assert result[:, 0] == pytest.approx(response(e), abs=1e-15)
-    assert result[:, 1] == pytest.approx(response.slope(e), abs=1e-15)
 
 
 def test_values_of_each_model():

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
@@ -19,9 +18,14 @@ from threading import Lock
 from types import ModuleType
 from typing import Any
 
+from ..storage.kept_files import delete_oldest
+
 #: Relative imports at a module's top: the code of this package that its functions can reach.
 _IMPORT = re.compile(rb"^from (\.+)([\w.]*) import (?:\(([^)]*)\)|([^\n#]*))", re.MULTILINE)
 _HASH_DIGITS = 16  # in a folder's name
+_ANY_HASH = "[0-9a-f]" * _HASH_DIGITS
+#: Size of the machine code in a folder of several states of a module; the oldest are deleted.
+MAX_KEPT_BYTES = 50_000_000
 _lock = Lock()
 
 
@@ -82,25 +86,38 @@ def source_files(module: Path) -> frozenset[Path]:
     return frozenset(reached)
 
 
+def kept_code() -> list[Path]:
+    """Return the folders in which machine code of this package's functions is kept."""
+    package = Path(__file__).parents[2]
+    folders = [*package.rglob("__pycache__"), _user_folder()]
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        folders.append(Path(chosen))
+    return [path for folder in folders for path in folder.glob(f"*-{_ANY_HASH}") if path.is_dir()]
+
+
+def _user_folder() -> Path:
+    from platformdirs import user_cache_path
+
+    return user_cache_path("defsense-fab") / "compiled"
+
+
 @cache
 def _cache_folder(module: Path, chosen: str) -> Path:
     """Return the folder of a module's machine code.
 
     It is in the folder `chosen` by NUMBA_CACHE_DIR, or else next to the module, where the folders
-    of its earlier states are removed. Where neither can be written, it is in the user's cache.
+    of its earlier states are removed. Where that cannot be written, it is in the user's cache.
     """
     key = sha256(b"".join(sorted(_read(path)[0] for path in source_files(module)))).hexdigest()
     name = f"{module.stem}-{key[:_HASH_DIGITS]}"
-    if chosen:
-        return Path(chosen) / name
-    if not os.access(module.parent, os.W_OK):
-        from platformdirs import user_cache_path
-
-        return user_cache_path("defsense-fab") / "compiled" / name
-    folder = module.parent / "__pycache__"
+    is_shared = bool(chosen) or not os.access(module.parent, os.W_OK)
+    folder = (
+        Path(chosen) if chosen else _user_folder() if is_shared else module.parent / "__pycache__"
+    )
     if not (folder / name).exists():
-        for old in folder.glob(f"{module.stem}-{'[0-9a-f]' * _HASH_DIGITS}"):
-            shutil.rmtree(old, ignore_errors=True)
+        states = folder.glob(f"{'*' if is_shared else module.stem}-{_ANY_HASH}")
+        delete_oldest(states, MAX_KEPT_BYTES if is_shared else 0)
     return folder / name
 
 

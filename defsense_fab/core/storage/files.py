@@ -244,6 +244,10 @@ def unreadable_code(error: OSError) -> str:
     return "file-not-found" if isinstance(error, FileNotFoundError) else "file-unreadable"
 
 
+#: Of the names of files that `digest` gives.
+DIGEST_PATTERN = "[0-9a-f]" * 16
+
+
 def digest(*parts: Any) -> str:
     """Return a hash of plain values and of files' contents, stable between runs.
 

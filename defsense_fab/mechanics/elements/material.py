@@ -1,7 +1,7 @@
 """Define isotropic hyperelastic materials by their energy as a function of the invariants of F.
 
 I1 = tr(F^T F), I2 = (I1^2 - tr((F^T F)^2)) / 2, J = det F. Stress and tangent follow from the first
-and second derivatives of W(I1, I2, J) in `energy_density.py`.
+and second derivatives of W(I1, I2, J), `evaluate_law` in `kernels/energy_density.c`.
 
 - Split models, with I1* = J^(-2/3) I1 and I2* = J^(-4/3) I2 (Bonet & Wood, Nonlinear Continuum
   Mechanics, sec. 6.5; Yeoh 1993; Mooney 1940, Rivlin 1948):
@@ -21,9 +21,8 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.device.device import MaterialSpec
-from ...core.machine.compiled import compiled
 
-SPLIT, STABLE = 0, 1
+SPLIT, STABLE = 0, 1  # as in `evaluate_law`
 
 #: Title of each model in results, by its name in `device.toml`.
 TITLES = {
@@ -52,6 +51,11 @@ class Material:
     parameters: Float
     shear: float
     bulk: float
+
+    @property
+    def law(self) -> tuple[int, Float]:
+        """The family and the parameters, as compiled loops take them."""
+        return self.kind, self.parameters
 
     @property
     def title(self) -> str:
@@ -122,40 +126,3 @@ def stable_neo_hookean(mu: float, kappa: float) -> Material:
     m, lame = 4 / 3 * mu, kappa - 2 / 3 * mu + 5 / 6 * mu
     parameters = np.array([m, lame, 1 + 0.75 * m / lame, 0.0, 0.0])
     return Material("stable-neo-hookean", STABLE, parameters, mu, kappa)
-
-
-@compiled(error_model="numpy")
-def evaluate_law(kind, p, i1, i2, J, d):  # type: ignore[no-untyped-def]
-    """Fill d (10,) with the energy density W and its derivatives by the invariants, MPa.
-
-    The order is W, W_1, W_2, W_J, W_11, W_12, W_1J, W_22, W_2J, W_JJ. W is infinite where the
-    material is not defined.
-    """
-    d[:] = 0.0
-    if kind == STABLE:
-        mu, lame, alpha = p[0], p[1], p[2]
-        d[0] = 0.5 * mu * (i1 - 3 - np.log((i1 + 1) / 4)) + 0.5 * lame * (
-            (J - alpha) ** 2 - (1 - alpha) ** 2
-        )
-        d[1] = 0.5 * mu * (1 - 1 / (i1 + 1))
-        d[3] = lame * (J - alpha)
-        d[4] = 0.5 * mu / (i1 + 1) ** 2
-        d[9] = lame
-        return
-    if J <= 0:
-        d[0] = np.inf
-        return
-    a = J ** (-2 / 3)
-    b = a * a
-    y = a * i1 - 3
-    u = p[0] + (2 * p[1] + 3 * p[2] * y) * y  # derivative by I1*
-    v = 2 * p[1] + 6 * p[2] * y
-    y_j, y_jj = -2 / 3 * a * i1 / J, 10 / 9 * a * i1 / (J * J)
-    d[0] = (p[0] + (p[1] + p[2] * y) * y) * y + p[3] * (b * i2 - 3) + 0.5 * p[4] * (J - 1) * (J - 1)
-    d[1] = u * a
-    d[2] = p[3] * b
-    d[3] = u * y_j - 4 / 3 * p[3] * b * i2 / J + p[4] * (J - 1)
-    d[4] = v * a * a
-    d[6] = v * a * y_j - 2 / 3 * u * a / J
-    d[8] = -4 / 3 * p[3] * b / J
-    d[9] = v * y_j * y_j + u * y_jj + 28 / 9 * p[3] * b * i2 / (J * J) + p[4]

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.machine.compiled import compiled
+from ...core.machine import kernels
 from ...core.mesh import TetMesh
-from .energy_density import cofactor, energy_density, stress, tangent
 from .material import Material
 from .threads import run_in_chunks
 
@@ -71,7 +70,13 @@ class QuadraticMesh:
         inner = np.linalg.inv(x[:, 1:] - x[:, :1]).transpose(0, 2, 1)
         bary = np.concatenate([-inner.sum(1, keepdims=True), inner], axis=1)
         gradient = np.einsum("qnb,mbj->mqnj", shape_derivatives(QUADRATURE), bary)
-        return cls(nodes, cells, bary, np.ascontiguousarray(gradient), mesh.volumes / 4)
+        return cls(
+            nodes,
+            cells,
+            np.ascontiguousarray(bary),
+            np.ascontiguousarray(gradient),
+            mesh.volumes / 4,
+        )
 
     @property
     def volume(self) -> float:
@@ -116,7 +121,7 @@ def deformation_gradient(mesh: QuadraticMesh, u: Float, threads: int = 1) -> Flo
     out = np.empty((len(mesh.cells), 4, 3, 3))
     x = mesh.nodes + u
     run_in_chunks(
-        lambda a, b: _gradients(x, mesh.cells, mesh.gradient, a, b, out), len(out), threads
+        lambda a, b: kernels.gradients(x, mesh.cells, mesh.gradient, a, b, out), len(out), threads
     )
     return out
 
@@ -127,15 +132,16 @@ def volume_ratios(G: Float, F: Float, threads: int = 1) -> Float:
     Both are (m, 4, 3, 3); where G equals F the ratio is det F.
     """
     out = np.empty(F.shape[:2])
-    run_in_chunks(lambda a, b: _volume(G, F, a, b, out), len(out), threads)
+    run_in_chunks(lambda a, b: kernels.volume_ratios(G, F, a, b, out), len(out), threads)
     return out
 
 
 def energy(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) -> float:
     """Return the stored energy (N mm) at F (m, 4, 3, 3), infinite outside the material's domain."""
-    sums = np.zeros(len(mesh.cells))
-    kind, p = material.kind, material.parameters
-    run_in_chunks(lambda a, b: _energy(F, mesh.weight, kind, p, a, b, sums), len(sums), threads)
+    sums, law = np.empty(len(mesh.cells)), material.law
+    run_in_chunks(
+        lambda a, b: kernels.energies(F, mesh.weight, law, a, b, sums), len(sums), threads
+    )
     return float(sums.sum())
 
 
@@ -144,10 +150,9 @@ def forces(mesh: QuadraticMesh, material: Material, F: Float, threads: int = 1) 
 
     They are the gradient of the energy where F belongs to a displacement field.
     """
-    local = np.empty((len(mesh.cells), 10, 3))
-    kind, p = material.kind, material.parameters
+    local, law = np.empty((len(mesh.cells), 10, 3)), material.law
     run_in_chunks(
-        lambda a, b: _forces(F, mesh.gradient, mesh.weight, kind, p, a, b, local),
+        lambda a, b: kernels.forces(F, mesh.gradient, mesh.weight, law, a, b, local),
         len(local),
         threads,
     )
@@ -164,7 +169,7 @@ def pressure_forces(mesh: QuadraticMesh, pressure: Float, F: Float) -> Float:
 def scatter_nodes(mesh: QuadraticMesh, local: Float) -> Float:
     """Sum the elements' nodal values (m, 10, 3) at the nodes of the mesh, (n, 3)."""
     out = np.zeros_like(mesh.nodes)
-    _gather(mesh.cells, local, out)
+    kernels.scatter(mesh.cells, local, out)
     return out
 
 
@@ -180,108 +185,13 @@ def stiffness(
         share: Share (0 to 1) of the negative part of d2W/dF2 that is removed at each point.
         threads: Largest number of threads.
     """
-    out = np.empty((len(mesh.cells), 30, 30))
-    kind, p = material.kind, material.parameters
+    out, law = np.empty((len(mesh.cells), 30, 30)), material.law
     run_in_chunks(
-        lambda a, b: _stiffness(F, mesh.gradient, mesh.weight, kind, p, float(share), a, b, out),
+        lambda a, b: kernels.stiffness(F, mesh.gradient, mesh.weight, law, share, a, b, out),
         len(out),
         threads,
     )
     return out
-
-
-@compiled()
-def _gradients(x, cells, gradient, start, stop, out):  # type: ignore[no-untyped-def]
-    local = np.empty((10, 3))
-    for e in range(start, stop):
-        for n in range(10):
-            for a in range(3):
-                local[n, a] = x[cells[e, n], a]
-        for q in range(4):
-            for a in range(3):
-                for j in range(3):
-                    s = 0.0
-                    for n in range(10):
-                        s += local[n, a] * gradient[e, q, n, j]
-                    out[e, q, a, j] = s
-
-
-@compiled()
-def _volume(G, F, start, stop, out):  # type: ignore[no-untyped-def]
-    C = np.empty((3, 3))
-    for e in range(start, stop):
-        for q in range(4):
-            out[e, q] = cofactor(G[e, q], C)
-            for i in range(3):
-                for j in range(3):
-                    out[e, q] += C[i, j] * (F[e, q, i, j] - G[e, q, i, j])
-
-
-@compiled()
-def _energy(F, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-def]
-    C, d = np.empty((3, 3)), np.empty(10)
-    for e in range(start, stop):
-        for q in range(4):
-            out[e] += weight[e] * energy_density(kind, p, F[e, q], C, d)
-
-
-@compiled()
-def _forces(F, gradient, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-def]
-    P, C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
-    for e in range(start, stop):
-        out[e] = 0.0
-        for q in range(4):
-            stress(kind, p, F[e, q], P, C, B, d)
-            for n in range(10):
-                for i in range(3):
-                    s = 0.0
-                    for j in range(3):
-                        s += P[i, j] * gradient[e, q, n, j]
-                    out[e, n, i] += weight[e] * s
-
-
-@compiled()
-def _gather(cells, local, out):  # type: ignore[no-untyped-def]
-    for e in range(len(cells)):
-        for n in range(10):
-            for a in range(3):
-                out[cells[e, n], a] += local[e, n, a]
-
-
-@compiled()
-def _stiffness(F, gradient, weight, kind, p, share, start, stop, out):  # type: ignore[no-untyped-def]
-    H, T, none = np.empty((9, 9)), np.empty((9, 30)), np.zeros(4)
-    for e in range(start, stop):
-        element_tangent(F[e], gradient[e], weight[e], kind, p, none, share, out[e], H, T)
-
-
-@compiled(fastmath={"contract", "reassoc"})
-def element_tangent(F, gradient, weight, kind, p, lag, share, K, H, T):  # type: ignore[no-untyped-def]
-    """Fill K (30, 30) of one tet with F (4, 3, 3); H (9, 9) and T (9, 30) are scratch.
-
-    `lag` (4,) and `share` are arguments of `energy_density.tangent`.
-    """
-    C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
-    K[:] = 0.0
-    for q in range(4):
-        tangent(kind, p, F[q], lag[q], share, H, C, B, d)
-        for r in range(9):
-            for m in range(10):
-                g0, g1, g2 = gradient[q, m, 0], gradient[q, m, 1], gradient[q, m, 2]
-                for b in range(3):
-                    T[r, 3 * m + b] = weight * (
-                        H[r, 3 * b] * g0 + H[r, 3 * b + 1] * g1 + H[r, 3 * b + 2] * g2
-                    )
-        for n in range(10):
-            g0, g1, g2 = gradient[q, n, 0], gradient[q, n, 1], gradient[q, n, 2]
-            for i in range(3):
-                for c in range(3 * n, 30):
-                    K[3 * n + i, c] += (
-                        g0 * T[3 * i, c] + g1 * T[3 * i + 1, c] + g2 * T[3 * i + 2, c]
-                    )
-    for r in range(3, 30):
-        for c in range(3 * (r // 3)):
-            K[r, c] = K[c, r]
 
 
 def linearized_forces(
@@ -292,29 +202,12 @@ def linearized_forces(
     Both gradients are (m, 4, 3, 3). The tangent is made positive semidefinite, like the matrix that
     the forces are used with.
     """
-    local = np.empty((len(mesh.cells), 10, 3))
-    kind, p = material.kind, material.parameters
+    local, step, law = np.empty((len(mesh.cells), 10, 3)), F - G, material.law
     run_in_chunks(
-        lambda a, b: _linearised(G, F - G, mesh.gradient, mesh.weight, kind, p, a, b, local),
+        lambda a, b: kernels.linearized_forces(
+            G, step, mesh.gradient, mesh.weight, law, a, b, local
+        ),
         len(local),
         threads,
     )
     return scatter_nodes(mesh, local)
-
-
-@compiled()
-def _linearised(G, D, gradient, weight, kind, p, start, stop, out):  # type: ignore[no-untyped-def]
-    P, C, B, d = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
-    H = np.empty((9, 9))
-    for e in range(start, stop):
-        out[e] = 0.0
-        for q in range(4):
-            stress(kind, p, G[e, q], P, C, B, d)
-            tangent(kind, p, G[e, q], 0.0, 1.0, H, C, B, d)
-            for r in range(9):
-                for c in range(9):
-                    P[r // 3, r % 3] += H[r, c] * D[e, q, c // 3, c % 3]
-            for n in range(10):
-                for i in range(3):
-                    for j in range(3):
-                        out[e, n, i] += weight[e] * P[i, j] * gradient[e, q, n, j]

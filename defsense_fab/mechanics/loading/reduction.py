@@ -194,14 +194,13 @@ class Reduction:
         basis = self.basis(state)
         if lag is None:
             lag = np.zeros(F.shape[:2])
-        law = (material.kind, material.parameters)
 
         def assemble(a: int, b: int) -> None:
             for i in range(a, b):
                 tets = slice(i * step, (i + 1) * step)
                 elements = (F[tets], mesh.gradient[tets], mesh.weight[tets], lag[tets])
                 assemble_tangents(
-                    elements, law, float(share), i * step, self._places, basis, data[i]
+                    elements, material.law, share, self._places, i * step, basis, data[i]
                 )
 
         run_in_chunks(assemble, chunks, threads, smallest=1)

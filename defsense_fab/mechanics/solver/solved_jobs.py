@@ -15,7 +15,8 @@ import numpy as np
 from platformdirs import user_cache_path
 
 from ...core.errors import StorageError
-from ...core.storage.files import digest, replace_file
+from ...core.storage.files import DIGEST_PATTERN, digest, replace_file
+from ...core.storage.kept_files import delete_oldest
 from ..elements.material import Material
 from ..elements.tet10 import QuadraticMesh
 from ..loading.boundary_conditions import BoundaryConditions, State
@@ -34,6 +35,11 @@ def kept_folder() -> Path:
     """Return the folder of the machine's cache in which solved jobs are kept."""
     folder = os.environ.get("DEFSENSE_CACHE")
     return (Path(folder) if folder else user_cache_path("defsense-fab")) / "solved"
+
+
+def kept_jobs() -> list[Path]:
+    """Return the files of the solved jobs that are kept."""
+    return list(kept_folder().glob(f"{DIGEST_PATTERN}.npz"))
 
 
 @contextlib.contextmanager
@@ -130,16 +136,7 @@ class SolvedJobs:
             self._folder.mkdir(parents=True, exist_ok=True)
             with replace_file(path) as temporary:
                 np.savez(temporary, **_to_arrays(equilibria))  # type: ignore[arg-type]
-            _delete_oldest(self._folder)
-
-
-def _delete_oldest(folder: Path) -> None:
-    total = 0
-    sizes = [(p.stat().st_mtime, p.stat().st_size, p) for p in folder.glob("*.npz")]
-    for _, size, path in sorted(sizes, reverse=True):
-        total += size
-        if total > MAX_KEPT_BYTES:
-            path.unlink(missing_ok=True)
+            delete_oldest(kept_jobs(), MAX_KEPT_BYTES)
 
 
 def _plain(value: Any) -> Any:

@@ -11,8 +11,7 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.curve import arc_lengths
 from ...core.device.device import Sensor
-from ...core.machine.compiled import compiled
-from ...core.machine.copying import copy_row, copy_rows
+from ...core.machine import kernels
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import MAX_INLET_SLOPE
 from ...geometry.kernels import surface_queries
@@ -43,7 +42,9 @@ class FullPath:
     @classmethod
     def of(cls, placed: PlacedCord, runs: Float) -> FullPath:
         """Extend a cord by runs (2,) mm."""
-        return cls(_with_runs(placed.points, runs), placed, runs)
+        points = np.empty((len(placed.points) + RUN_SAMPLES * int((runs > 0).sum()), 3))
+        kernels.add_runs(placed.points, runs, RUN_SAMPLES, points)
+        return cls(points, placed, runs)
 
     def add_rows(self, samples: Int, directions: Float, out: Float) -> None:
         """Add to `out` the derivatives of the motion of samples along directions.
@@ -53,58 +54,9 @@ class FullPath:
             directions: (q, 3) directions.
             out: (q, size), changed in place.
         """
-        rows, on, along = _on_path(samples, directions, self.runs, self.placed.points)
-        self.placed.add_moves(rows, on, along, out)
-
-
-@compiled()
-def _with_runs(path, runs):  # type: ignore[no-untyped-def]
-    a, b = RUN_SAMPLES * (runs[0] > 0), RUN_SAMPLES * (runs[1] > 0)
-    count = len(path)
-    out = np.empty((a + count + b, 3))
-    copy_rows(path, out[a : a + count])
-    for end, before, number, length in ((0, 1, a, runs[0]), (count - 1, count - 2, b, runs[1])):
-        if number:
-            step = path[end] - path[before]
-            step *= length / np.sqrt((step**2).sum()) / RUN_SAMPLES
-            for k in range(number):
-                at = a - 1 - k if end == 0 else a + count + k
-                copy_row(path[end] + (k + 1) * step, out[at])
-    return out
-
-
-@compiled()
-def _on_path(samples, directions, runs, path):  # type: ignore[no-untyped-def]
-    """Express the motion of samples (q,) along directions (q, 3) by samples of the path alone.
-
-    Returns for m terms the number of the sample among the q (m,), the sample of the path (m,) and
-    its direction (m, 3).
-    """
-    a, count = RUN_SAMPLES * (runs[0] > 0), len(path)
-    rows, on = np.empty(2 * len(samples), np.int64), np.empty(2 * len(samples), np.int64)
-    along = np.empty((2 * len(samples), 3))
-    m = 0
-    for q in range(len(samples)):
-        i = samples[q] - a
-        if 0 <= i < count:
-            rows[m], on[m] = q, i
-            copy_row(directions[q], along[m])
-            m += 1
-            continue
-        # A run's sample turns with the path's last step.
-        if i < 0:
-            end, before, s = 0, 1, -i * runs[0] / RUN_SAMPLES
-        else:
-            end, before, s = count - 1, count - 2, (i - count + 1) * runs[1] / RUN_SAMPLES
-        step = path[end] - path[before]
-        size = np.sqrt((step**2).sum())
-        step /= size
-        across = (directions[q] - step * (step * directions[q]).sum()) * s / size
-        rows[m], on[m], rows[m + 1], on[m + 1] = q, end, q, before
-        copy_row(directions[q] + across, along[m])
-        copy_row(-across, along[m + 1])
-        m += 2
-    return rows[:m], on[:m], along[:m]
+        kernels.add_path_moves(
+            self.placed.motion, self.placed.points, self.runs, RUN_SAMPLES, samples, directions, out
+        )
 
 
 MAX_INLET_MM = 12.0  # from a path's end to the surface; the signal ignores the cord in between

@@ -103,7 +103,7 @@ class CordCarrier:
         def work(a: int, b: int) -> None:
             cell, bary = np.empty(b - a, np.int64), np.empty((b - a, 4))
             locate_along_path(points[a:b], *self._where, cell, bary)
-            move_points(cell, bary, self.tets.cells, self.tets.nodal, out[a:b])
+            move_points(cell, bary, self.tets, out[a:b])
 
         run_in_chunks(work, len(points), count_cores(), 40 * _CHUNK_PATHS)
         return np.ascontiguousarray(out.reshape(len(points), 3, -1).transpose(2, 0, 1))
@@ -154,5 +154,6 @@ class CarriedCords:
     def pull(self, by_signals: Float) -> Float:
         """Return a value's derivatives (p, 3) by the points from those (s, m) by the signals."""
         out = np.empty_like(self._points)
+        by_signals = np.ascontiguousarray(by_signals)
         pull_signals(self._points, self._ends, self._tets, by_signals, self._lines, out)
         return out

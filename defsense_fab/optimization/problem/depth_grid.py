@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from ...core.arrays import Float
-from ...core.machine.compiled import compiled
+from ...core.machine import kernels
 from ...core.mesh import Surface
 from ...geometry.kernels.surface_queries import signed_distance_of
 
@@ -50,7 +50,7 @@ class DepthGrid:
         inside = np.where(component.ravel() > 0, is_inside[component.ravel()], inside).reshape(
             count
         )
-        self.depths = np.where(inside, distance, -distance)
+        self.depths = np.ascontiguousarray(np.where(inside, distance, -distance))
 
     @property
     def error(self) -> float:
@@ -60,7 +60,8 @@ class DepthGrid:
     def __call__(self, points: Float) -> Float:
         """Return the depth (...,) mm at points (..., 3) mm, negative outside the body and grid."""
         flat = np.ascontiguousarray(points.reshape(-1, 3))
-        depths = _interpolate(self.depths, self.origin, self.spacing, flat)
+        depths = np.empty(len(flat))
+        kernels.interpolate_depth(self.depths, self.origin, self.spacing, flat, depths)
         return np.asarray(depths.reshape(points.shape[:-1]))
 
     def exits(self, points: Float, directions: Float, longest: float) -> Float:
@@ -74,16 +75,17 @@ class DepthGrid:
         Returns:
             Distances (c,) mm, infinite where they exceed `longest`.
         """
-        return np.asarray(
-            _exits(
-                self.depths,
-                self.origin,
-                self.spacing,
-                np.ascontiguousarray(points),
-                np.ascontiguousarray(directions),
-                float(longest),
-            )
+        out = np.empty(len(points))
+        kernels.find_exits(
+            self.depths,
+            self.origin,
+            self.spacing,
+            np.ascontiguousarray(points),
+            np.ascontiguousarray(directions),
+            longest,
+            out,
         )
+        return out
 
 
 def _evaluate_in_chunks(function: Callable[[Float], Any], points: Float) -> Any:
@@ -94,44 +96,3 @@ def _evaluate_in_chunks(function: Callable[[Float], Any], points: Float) -> Any:
     return np.concatenate(
         [function(points[k : k + _CHUNK_NODES]) for k in range(0, len(points), _CHUNK_NODES)]
     )
-
-
-@compiled()
-def _depth_at(depth, low, step, x, y, z):  # type: ignore[no-untyped-def]
-    a, b, c = (x - low[0]) / step, (y - low[1]) / step, (z - low[2]) / step
-    n0, n1, n2 = depth.shape
-    if a < 0 or b < 0 or c < 0 or a >= n0 - 1 or b >= n1 - 1 or c >= n2 - 1:
-        return -step
-    i, j, k = int(a), int(b), int(c)
-    a, b, c = a - i, b - j, c - k
-    out = 0.0
-    for s in range(2):
-        for t in range(2):
-            w = (a if s else 1 - a) * (b if t else 1 - b)
-            out += w * ((1 - c) * depth[i + s, j + t, k] + c * depth[i + s, j + t, k + 1])
-    return out
-
-
-@compiled()
-def _interpolate(depth, low, step, points):  # type: ignore[no-untyped-def]
-    out = np.empty(len(points))
-    for p in range(len(points)):
-        out[p] = _depth_at(depth, low, step, points[p, 0], points[p, 1], points[p, 2])
-    return out
-
-
-@compiled()
-def _exits(depth, low, step, points, directions, longest):  # type: ignore[no-untyped-def]
-    out = np.full(len(points), np.inf)
-    stride = step / 2
-    for c in range(len(points)):
-        p, d = points[c], directions[c]
-        before, s = _depth_at(depth, low, step, p[0], p[1], p[2]), 0.0
-        while s < longest:
-            s += stride
-            now = _depth_at(depth, low, step, p[0] + s * d[0], p[1] + s * d[1], p[2] + s * d[2])
-            if now <= 0:
-                out[c] = max(s - stride * (1 - before / (before - now)), 0.0) if before > 0 else 0.0
-                break
-            before = now
-    return out

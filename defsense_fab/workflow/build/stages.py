@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ...store.build import Build
 
 #: Raised when a stage's results change for the same input, so that old results are not reused.
-CODE_VERSION = 43
+CODE_VERSION = 44
 #: The stage that places copies on plates, the only one that depends on `BuildOptions`.
 PLATES = "fabricate"
 
@@ -213,7 +213,7 @@ STAGES = (
         "simulate the poses",
         ("fields",),
         lambda d: plain((d.material, d.poses, d.states)),
-        ("numpy", "scipy", "numba", "pypardiso", "mkl", "rslab"),
+        ("numpy", "scipy", "pypardiso", "mkl", "rslab"),
         _COARSER,
     ),
     Stage(
@@ -221,7 +221,7 @@ STAGES = (
         "optimize the cords",
         ("layout.json", "prediction.json", "layouts.json"),
         lambda d: (*layout_parts(d), plain(d.sensors)),
-        ("daqp", "libigl"),  # NumPy, SciPy and numba count by the key of the stage before
+        ("daqp", "libigl"),  # NumPy and SciPy count by the key of the stage before
         _COARSER,
     ),
     Stage(

@@ -21,7 +21,7 @@ from platformdirs import user_cache_path
 
 from ....core.errors import StorageError
 from ....core.mesh import Surface, TetMesh
-from ....core.storage.files import digest, replace_file, storage_errors
+from ....core.storage.files import DIGEST_PATTERN, digest, replace_file, storage_errors
 from .tetrahedra import MeshedSurface, Tetrahedra
 
 #: Name of the file in a device's folder.
@@ -69,6 +69,11 @@ def cache_folder() -> Path:
     return Path(folder) if folder else user_cache_path("defsense-fab") / "meshes"
 
 
+def cached_meshes() -> list[Path]:
+    """Return the files of the meshes in the cache of this machine."""
+    return list(cache_folder().glob(f"{DIGEST_PATTERN}.npz"))
+
+
 def _cached_file(surface: Surface, edge_length: float) -> Path:
     meshers = version("netgen-mesher"), version("pytetwild")
     return cache_folder() / f"{digest(CACHE_VERSION, meshers, mesh_key(surface, edge_length))}.npz"
@@ -109,7 +114,7 @@ def cache_mesh(surface: Surface, edge_length: float, tetrahedra: Tetrahedra) -> 
         path.parent.mkdir(parents=True, exist_ok=True)
         with replace_file(path) as temporary:
             np.savez(temporary, **_to_arrays(tetrahedra))  # type: ignore[arg-type]
-        meshes = sorted(path.parent.glob("*.npz"), key=lambda p: -p.stat().st_mtime)
+        meshes = sorted(cached_meshes(), key=lambda p: -p.stat().st_mtime)
         for old in meshes[MAX_MESHES:]:
             old.unlink(missing_ok=True)
 

@@ -4,12 +4,10 @@ outside.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ....core.arrays import Bool, Float, Int
-from ....core.machine.compiled import compiled
+from ....core.machine import kernels
 from ....core.mesh import Surface
 from ...kernels.surface_queries import SignedDistance
 
@@ -96,15 +94,10 @@ def find_crossing_pairs(vertices: Float, faces: Int) -> Int:
         boxes[level // 2 : level, 3:] = children[:, :, 3:].max(1)
         level //= 2
     at = order.astype(np.int64)
-    pairs = _pairs(
-        points,
-        np.ascontiguousarray(faces, np.int64)[at],
-        boxes,
-        leaves,
-        VOLUME_TOLERANCE * size**3,
-        min(MAX_PAIRS, 8 * len(faces)),
-    )
-    return np.asarray(at[pairs])
+    pairs, found = np.empty((min(MAX_PAIRS, 8 * len(faces)), 2), np.int64), np.empty(1, np.int64)
+    ordered, tolerance = np.ascontiguousarray(faces, np.int64)[at], VOLUME_TOLERANCE * size**3
+    kernels.crossing_pairs(points, ordered, boxes, TRIANGLES_PER_LEAF, tolerance, pairs, found)
+    return np.asarray(at[pairs[: found[0]]])
 
 
 def _morton_codes(points: Float) -> Int:
@@ -116,91 +109,3 @@ def _morton_codes(points: Float) -> Int:
         for axis in range(3):
             code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
     return code
-
-
-@compiled()
-def _pairs(v: Float, f: Int, boxes: Float, leaves: int, tolerance: float, max_pairs: int) -> Any:
-    pairs = np.empty((max_pairs, 2), np.int64)
-    count = 0
-    stack = np.empty(128, np.int64)
-    for i in range(len(f)):
-        lx = min(v[f[i, 0], 0], v[f[i, 1], 0], v[f[i, 2], 0])
-        ly = min(v[f[i, 0], 1], v[f[i, 1], 1], v[f[i, 2], 1])
-        lz = min(v[f[i, 0], 2], v[f[i, 1], 2], v[f[i, 2], 2])
-        hx = max(v[f[i, 0], 0], v[f[i, 1], 0], v[f[i, 2], 0])
-        hy = max(v[f[i, 0], 1], v[f[i, 1], 1], v[f[i, 2], 1])
-        hz = max(v[f[i, 0], 2], v[f[i, 1], 2], v[f[i, 2], 2])
-        stack[0] = 1
-        top = 1
-        while top:
-            top -= 1
-            node = stack[top]
-            b = boxes[node]
-            if b[0] > hx or b[3] < lx or b[1] > hy or b[4] < ly or b[2] > hz or b[5] < lz:
-                continue
-            if node < leaves:
-                stack[top] = 2 * node
-                stack[top + 1] = 2 * node + 1
-                top += 2
-                continue
-            first = (node - leaves) * TRIANGLES_PER_LEAF
-            for j in range(max(first, i + 1), min(first + TRIANGLES_PER_LEAF, len(f))):
-                if _cross(v, f[i], f[j], tolerance):
-                    if count == len(pairs):
-                        return pairs
-                    pairs[count, 0], pairs[count, 1] = i, j
-                    count += 1
-    return pairs[:count]
-
-
-@compiled()
-def _cross(v: Float, p: Int, q: Int, tolerance: float) -> bool:
-    """Whether an edge of one triangle goes through the other; edges at a shared corner cannot."""
-    for k in range(3):
-        a, b, c = v[p[0], k], v[p[1], k], v[p[2], k]
-        d, e, f = v[q[0], k], v[q[1], k], v[q[2], k]
-        if min(a, b, c) > max(d, e, f) or max(a, b, c) < min(d, e, f):
-            return False
-    shared = 0
-    for i in range(3):
-        for j in range(3):
-            shared += p[i] == q[j]
-    if shared > 1:
-        return False
-    for k in range(3):
-        if _edge_pierces(v, p[k], p[(k + 1) % 3], q, tolerance):
-            return True
-        if _edge_pierces(v, q[k], q[(k + 1) % 3], p, tolerance):
-            return True
-    return False
-
-
-@compiled()
-def _edge_pierces(v: Float, s: int, e: int, q: Int, tolerance: float) -> bool:
-    for i in range(3):
-        if s == q[i] or e == q[i]:
-            return False
-    return bool(_pierces(v[s], v[e], v[q[0]], v[q[1]], v[q[2]], tolerance))
-
-
-@compiled()
-def _pierces(s: Float, e: Float, a: Float, b: Float, c: Float, tolerance: float) -> Any:
-    """Whether the segment from s to e goes through the inside of the triangle a, b, c."""
-    above, below = _volume(a, b, c, s), _volume(a, b, c, e)
-    if not (
-        (above > tolerance and below < -tolerance) or (above < -tolerance and below > tolerance)
-    ):
-        return False
-    x, y, z = _volume(s, e, a, b), _volume(s, e, b, c), _volume(s, e, c, a)
-    return (x > tolerance and y > tolerance and z > tolerance) or (
-        x < -tolerance and y < -tolerance and z < -tolerance
-    )
-
-
-@compiled()
-def _volume(a: Float, b: Float, c: Float, d: Float) -> Any:
-    """Return six times the signed volume of a tetrahedron."""
-    x, y, z = d[0] - a[0], d[1] - a[1], d[2] - a[2]
-    p, q, r = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    s, t, u = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    return x * (q * u - r * t) + y * (r * s - p * u) + z * (p * t - q * s)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ....core.arrays import Float, Int
 from ....core.errors import BodyError
-from ....core.machine.compiled import compiled
+from ....core.machine import kernels
 from ....core.mesh import facet_crosses, triangle_edges
 from .findings import describe_point, format_count
 
@@ -142,7 +140,8 @@ def _find_loops(borders: Int, where: str, vertices: Float) -> list[list[int]]:
 
 def _triangulate(points: Float) -> Int:
     """Return triangles (n - 2, 3) of least total area between the points (n, 3) of a loop."""
-    split = _split_corners(np.ascontiguousarray(points))
+    split = np.zeros((len(points), len(points)), np.int64)
+    kernels.split_corners(np.ascontiguousarray(points, float), split)
     out, todo = [], [(0, len(points) - 1)]
     while todo:
         i, k = todo.pop()
@@ -152,25 +151,3 @@ def _triangulate(points: Float) -> Int:
         out.append((i, j, k))
         todo += [(i, j), (j, k)]
     return np.array(out, np.int64)
-
-
-@compiled()
-def _split_corners(p: Float) -> Any:
-    """Return, for each run from i to k of a loop, the corner of its triangle on i, k."""
-    n = len(p)
-    best = np.zeros((n, n))
-    split = np.zeros((n, n), np.int64)
-    for gap in range(2, n):
-        for i in range(n - gap):
-            k = i + gap
-            smallest = np.inf
-            for j in range(i + 1, k):
-                ax, ay, az = p[j, 0] - p[i, 0], p[j, 1] - p[i, 1], p[j, 2] - p[i, 2]
-                bx, by, bz = p[k, 0] - p[i, 0], p[k, 1] - p[i, 1], p[k, 2] - p[i, 2]
-                x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-                area = best[i, j] + best[j, k] + np.sqrt(x * x + y * y + z * z)
-                if area < smallest:
-                    smallest = area
-                    split[i, k] = j
-            best[i, k] = smallest
-    return split
