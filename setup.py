@@ -52,8 +52,14 @@ class BuildKernels(build_ext):
         if self.compiler.compiler_type == "msvc":
             flags = ["/O2", "/fp:precise", "/std:c11"]
         else:
-            flags = ["-O3", "-g0", "-std=gnu99", "-ffp-contract=off", "-fno-math-errno",
-                     "-fno-trapping-math"]  # fmt: skip
+            flags = [
+                "-O3",
+                "-g0",
+                "-std=gnu99",
+                "-ffp-contract=off",
+                "-fno-math-errno",
+                "-fno-trapping-math",
+            ]
         for extension in self.extensions:
             extension.extra_compile_args = flags
         super().build_extensions()

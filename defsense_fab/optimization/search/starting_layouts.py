@@ -123,7 +123,7 @@ class LayoutSearch:
     normals: Float | None = None
     starts: int = 6
     finalists: int = 2
-    candidates: int = 12000
+    candidates: int = 3000
 
 
 @dataclass(frozen=True)
