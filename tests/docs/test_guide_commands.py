@@ -40,7 +40,7 @@ def make_smaller(device):
     """Fewer and larger tetrahedra, and one search: the same steps in less time."""
     text = device.read_text(encoding="utf-8")
     for old, new in (
-        ("edge_length = 6.0", "edge_length = 18.0"),
+        ("edge_length = 8.0", "edge_length = 18.0"),
         ("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]"),
         ("markers = 40", "markers = 8"),
         ("[[sensors]]", '[design]\nsearches = 1\ndecoder = "affine"\n\n[[sensors]]'),

@@ -46,7 +46,7 @@ def make_bar(folder):
     write_bar(folder)
     text = (BAR / "device.toml").read_text(encoding="utf-8")
     for old, new in (
-        ("edge_length = 6.0", "edge_length = 15.0"),
+        ("edge_length = 8.0", "edge_length = 15.0"),
         ("markers = 40", "markers = 8"),
         ("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]"),
         ('free = ["path", "plane"]\n', ""),

@@ -1,8 +1,9 @@
 """Continue from the layout of an earlier build, if an edit leaves most of it valid.
 
 A search for cords takes most of a build. After a change of the fabrication the layout stays if it
-still keeps all limits; after a change of a drawn cord or of the poses it is improved from where it
-is. After any other change, and with `defsense build --search`, the cords are searched for again.
+still keeps all limits; after a change of a drawn cord it is improved from where it is. After any
+other change, and with `defsense build --search`, the cords are searched for again. So they are after
+a change of the poses: a layout improved from the earlier one can be three times as bad as a new one.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _FREE = frozenset({"path", "plane"})  # of proposed cords
 
 @dataclass(frozen=True)
 class EarlierLayout:
-    """The layout of an earlier build on the same mesh, with the same cords, limits aside.
+    """The layout of an earlier build of the same states, with the same cords, limits aside.
 
     Attributes:
         starts: Layouts to improve: its cords, those whose drawing has changed as they are drawn
@@ -75,7 +76,7 @@ def find_earlier_layout(
         then = load_state(folder).get(_OPTIMIZE.name, {}).get(ASPECTS)
         if then is None or complete_key(folder, _OPTIMIZE) is None:
             continue
-        if any(then[name] != now[name] for name in ("mesh", "design")):
+        if any(then[name] != now[name] for name in ("mesh", "states", "design")):
             continue
         if then["cords"].keys() != now["cords"].keys():
             continue
@@ -92,6 +93,5 @@ def find_earlier_layout(
         starts = [tuple(drawn[s.name] if s.name in changed else s for s in cords)]
         if changed and all(drawn[name].free == _FREE for name in changed):
             starts.append(cords)
-        is_current = then["states"] == now["states"] and not changed
-        return EarlierLayout(tuple(starts), layout.prediction.decoder, is_current)
+        return EarlierLayout(tuple(starts), layout.prediction.decoder, not changed)
     return None

@@ -46,14 +46,14 @@ def test_the_fixture_is_read(edit):
 @pytest.mark.parametrize(
     ("old", "new", "code", "key"),
     [
-        ("edge_length = 6.0", "edge_lenght = 6.0", "key-unknown", "mesh.edge_lenght"),
-        ("edge_length = 6.0", "", "key-missing", "mesh.edge_length"),
+        ("edge_length = 8.0", "edge_lenght = 8.0", "key-unknown", "mesh.edge_lenght"),
+        ("edge_length = 8.0", "", "key-missing", "mesh.edge_length"),
         ("[states]\nramp", "[states]\nrampp", "key-unknown", "states.rampp"),
         ('fixed = ["base"]', 'fixed = ["bse"]', "unknown-region", "poses.1.fixed"),
         ('region = "tip"', 'region = "base"', "region-fixed-and-moved", "poses.1.handles"),
-        ("edge_length = 6.0", "edge_length = -1", "out-of-range", "mesh.edge_length"),
-        ("edge_length = 6.0", "edge_length = " + "9" * 400, "not-finite", "mesh.edge_length"),
-        ("edge_length = 6.0", "edge_length = nan", "not-finite", "mesh.edge_length"),
+        ("edge_length = 8.0", "edge_length = -1", "out-of-range", "mesh.edge_length"),
+        ("edge_length = 8.0", "edge_length = " + "9" * 400, "not-finite", "mesh.edge_length"),
+        ("edge_length = 8.0", "edge_length = nan", "not-finite", "mesh.edge_length"),
         ("length = 150", "length = nan", "not-finite", "body.parameters"),
         ("ramp = [0.25", "ramp = [true", "value-type", "states.ramp"),
         ("normal = [0, 0, 1]", 'normal = ["0", 0, 1]', "value-type", "sensors.1.plane.normal"),
@@ -63,7 +63,7 @@ def test_the_fixture_is_read(edit):
             "out-of-range", "fabrication.lead",
         ),
         ("schema = 1", "schema = true", "value-choice", "schema"),
-        ("edge_length = 6.0", 'edge_length = "six"', "value-type", "mesh.edge_length"),
+        ("edge_length = 8.0", 'edge_length = "six"', "value-type", "mesh.edge_length"),
         ('translate = "free"', 'translate = "fre"', "value-type", "poses.1.handles.1.translate"),
         ('name = "rubber-2mm"', 'name = "rubber"', "unknown-cord", "cord.name"),
         (
@@ -109,9 +109,9 @@ def test_the_fixture_is_read(edit):
         (MATERIAL, 'name = "x"\nmodel = "ogden"', "value-choice", "material.model"),
         (MATERIAL, 'name = "x"', "unknown-material", "material.name"),
         (MATERIAL, f"{MATERIAL}\nc10 = 1", "key-not-applicable", "material.c10"),
-        ("edge_length = 6.0", "edge_length = 6.0\naccuracy = 0.01", "keys-exclusive",
+        ("edge_length = 8.0", "edge_length = 8.0\naccuracy = 0.01", "keys-exclusive",
          "mesh.edge_length"),
-        ("edge_length = 6.0", "accuracy = 0.9", "out-of-range", "mesh.accuracy"),
+        ("edge_length = 8.0", "accuracy = 0.9", "out-of-range", "mesh.accuracy"),
         ('translate = "free"', 'translate = ["loose", 0, 0]', "value-type",
          "poses.1.handles.1.translate"),
         ("degrees = -30 }", 'degrees = "any" }', "value-type",
@@ -149,9 +149,9 @@ def test_errors_name_the_key(edit, tmp_path, old, new, code, key):
 
 def test_the_line_is_that_of_the_key(edit):
     with raises(DeviceError, "key-unknown", line=12, suggestion="edge_length"):
-        edit("edge_length = 6.0", "edge_lenght = 6.0")
+        edit("edge_length = 8.0", "edge_lenght = 8.0")
     with raises(DeviceError, "key-missing", line=11):
-        edit("edge_length = 6.0", "")
+        edit("edge_length = 8.0", "")
     with raises(DeviceError, "unknown-region", line=20, choices=("base", "tip")):
         edit('fixed = ["base"]', 'fixed = ["bse"]')
     with raises(DeviceError, "toml-invalid"):

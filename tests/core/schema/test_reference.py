@@ -140,8 +140,8 @@ def test_the_json_schema_accepts_the_files_of_the_repository(kind, path):
     ("old", "new"),
     [
         ("edge_length", "edge_lenght"),
-        ("edge_length = 6.0", "edge_length = -1"),
-        ("edge_length = 6.0", 'edge_length = "6"'),
+        ("edge_length = 8.0", "edge_length = -1"),
+        ("edge_length = 8.0", 'edge_length = "6"'),
         ("axis = [0, 1, 0]", "axis = [0, 1]"),
         ('translate = "free"', 'translate = "fre"'),
         ('free = ["path", "plane"]', 'free = ["paths"]'),

@@ -49,7 +49,7 @@ def device(tmp_path_factory):
     folder.mkdir()
     shutil.copy(BAR / "bar.py", folder)
     text = (BAR / "device.toml").read_text("utf-8")
-    text = text.replace("edge_length = 6.0", "edge_length = 15.0")
+    text = text.replace("edge_length = 8.0", "edge_length = 15.0")
     text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")
     text = text[: text.rindex("[[sensors]]")] + "[design]\nsearches = 1\n"
     (folder / "device.toml").write_text(text)

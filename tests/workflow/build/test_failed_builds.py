@@ -115,7 +115,7 @@ def test_a_layout_stays_if_its_parts_cannot_be_made(folder, stage_runs, monkeypa
 
 def test_good_build_stays_and_completed_stages_are_reused_later(folder, stage_runs, monkeypatch):
     build(load_device(folder))
-    replace_text(folder, "edge_length = 6.0", "edge_length = 7.0")
+    replace_text(folder, "edge_length = 8.0", "edge_length = 7.0")
     fail_build(folder, monkeypatch, stage_optimize, write_half_and_fail("layout.json"))
     assert (folder / "build" / "layout.json").exists()
     assert hidden_folders(folder) == [".build-kept"]
@@ -127,10 +127,10 @@ def test_good_build_stays_and_completed_stages_are_reused_later(folder, stage_ru
 
 def test_build_of_another_mesh_costs_no_later_stage(folder, stage_runs):
     build(load_device(folder))
-    replace_text(folder, "edge_length = 6.0", "edge_length = 7.0")
+    replace_text(folder, "edge_length = 8.0", "edge_length = 7.0")
     build(load_device(folder), "mesh")
     assert not (folder / "build" / "layout.json").exists()
-    replace_text(folder, "edge_length = 7.0", "edge_length = 6.0")
+    replace_text(folder, "edge_length = 7.0", "edge_length = 8.0")
     del stage_runs[:]
     result = build(load_device(folder))
     assert (result.made, stage_runs) == ((), [])
@@ -141,7 +141,7 @@ def test_build_of_another_mesh_costs_no_later_stage(folder, stage_runs):
 def test_later_stages_survive_removed_and_interrupted_builds(folder, stage_runs):
     """One build is removed by the user, another is interrupted while folders are swapped."""
     build(load_device(folder))
-    replace_text(folder, "edge_length = 6.0", "edge_length = 7.0")
+    replace_text(folder, "edge_length = 8.0", "edge_length = 7.0")
     build(load_device(folder), "mesh")
     (folder / ".build-kept").replace(folder / ".build-old")
     build(load_device(folder), "mesh")
@@ -149,7 +149,7 @@ def test_later_stages_survive_removed_and_interrupted_builds(folder, stage_runs)
     shutil.rmtree(folder / "build")
     build(load_device(folder), "mesh")
     assert hidden_folders(folder) == [".build-kept"]
-    replace_text(folder, "edge_length = 7.0", "edge_length = 6.0")
+    replace_text(folder, "edge_length = 7.0", "edge_length = 8.0")
     del stage_runs[:]
     build(load_device(folder))
     assert stage_runs == []
@@ -169,16 +169,16 @@ def test_failure_after_reused_stages_leaves_nothing(folder, stage_runs, monkeypa
 def test_solved_poses_survive_builds_that_fail_earlier(folder, stage_runs, monkeypatch):
     """Poses are reused after a failed script and a failed build with another mesh."""
     build(load_device(folder))
-    replace_text(folder, "edge_length = 6.0", "edge_length = 7.0")
+    replace_text(folder, "edge_length = 8.0", "edge_length = 7.0")
     for module, output in ((stage_optimize, "layout.json"), (stage_body, "body"),
                            (stage_simulate, "index.json")):  # fmt: skip
         if module is stage_body:
             replace_text(folder, "width = 30", "width = 31")
         if module is stage_simulate:
             replace_text(folder, "width = 31", "width = 30")
-            replace_text(folder, "edge_length = 7.0", "edge_length = 8.0")
+            replace_text(folder, "edge_length = 7.0", "edge_length = 9.0")
         fail_build(folder, monkeypatch, module, write_half_and_fail(output))
-    replace_text(folder, "edge_length = 8.0", "edge_length = 7.0")
+    replace_text(folder, "edge_length = 9.0", "edge_length = 7.0")
     del stage_runs[:]
     assert build(load_device(folder)).reused == ("body", "simulate")
     assert stage_runs == ["mesh", "optimize", "fabricate", "report"]
@@ -187,7 +187,7 @@ def test_solved_poses_survive_builds_that_fail_earlier(folder, stage_runs, monke
 
 def test_interrupted_build_is_resumed_after_another_failed(folder, stage_runs, monkeypatch):
     build(load_device(folder))
-    replace_text(folder, "edge_length = 6.0", "edge_length = 7.0")
+    replace_text(folder, "edge_length = 8.0", "edge_length = 7.0")
     fail_build(folder, monkeypatch, stage_optimize, interrupt, KeyboardInterrupt)
     replace_text(folder, "width = 30", "width = 31")
     fail_build(folder, monkeypatch, stage_body, write_half_and_fail("body"))
@@ -197,14 +197,14 @@ def test_interrupted_build_is_resumed_after_another_failed(folder, stage_runs, m
 
 def test_needed_stages_are_not_replaced_by_an_interrupted_build(folder, stage_runs, monkeypatch):
     build(load_device(folder))
-    for before, after in (("6.0", "7.0"), ("6.0", "8.0")):
+    for before, after in (("8.0", "7.0"), ("8.0", "9.0")):
         replace_text(folder, f"edge_length = {before}", f"edge_length = {after}")
         fail_build(folder, monkeypatch, stage_optimize, interrupt, KeyboardInterrupt)
         replace_text(folder, f"edge_length = {after}", f"edge_length = {before}")
         if after == "7.0":  # all is up to date; completed stages are kept
             assert build(load_device(folder)).made == ()
             assert hidden_folders(folder) == [".build-kept"]
-    replace_text(folder, "edge_length = 6.0", "edge_length = 7.0")
+    replace_text(folder, "edge_length = 8.0", "edge_length = 7.0")
     assert build(load_device(folder)).made == ("optimize", "fabricate", "report")
 
 

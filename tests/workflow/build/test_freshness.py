@@ -31,7 +31,7 @@ def folder(tmp_path):
     text = (DEVICES / "bar" / "device.toml").read_text("utf-8")
     script = text[text.index("script =") : text.index("\n\n[material]")]
     text = text.replace(script, 'mesh = "bar.stl"')
-    (tmp_path / "device.toml").write_text(text.replace("edge_length = 6.0", "edge_length = 15.0"))
+    (tmp_path / "device.toml").write_text(text.replace("edge_length = 8.0", "edge_length = 15.0"))
     write_stl(box_surface([0, -15, -15], [150, 15, 15]), tmp_path / "bar.stl")
     return tmp_path
 

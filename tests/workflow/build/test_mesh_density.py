@@ -76,7 +76,7 @@ def mesh_of_bar(bar_mesh):
 def folder(tmp_path):
     write_bar(tmp_path)
     text = (
-        (BAR / "device.toml").read_text("utf-8").replace("edge_length = 6.0", "edge_length = 16.0")
+        (BAR / "device.toml").read_text("utf-8").replace("edge_length = 8.0", "edge_length = 16.0")
     )
     text = text.replace("0.25, 0.5, 0.75, 1.0", "1.0")
     (tmp_path / "device.toml").write_text(text)

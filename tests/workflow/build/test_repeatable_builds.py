@@ -13,7 +13,7 @@ from defsense_fab.geometry.kernels import occ
 from tests.support.body_scripts import write_bar
 from tests.support.places import BAR
 
-SMALL = ("edge_length = 6.0", "edge_length = 15.0"), ("0.25, 0.5, 0.75, 1.0", "1.0")
+SMALL = ("edge_length = 8.0", "edge_length = 15.0"), ("0.25, 0.5, 0.75, 1.0", "1.0")
 
 
 @pytest.fixture

@@ -107,7 +107,7 @@ def test_cords_are_searched_with_the_decoder_that_evaluates_them(
 @pytest.mark.slow
 def test_a_resumed_study_gives_the_results_of_an_uninterrupted_one(tmp_path, capsys):
     text = (BAR / "device.toml").read_text("utf-8")
-    text = text.replace("edge_length = 6.0", "edge_length = 12.0")
+    text = text.replace("edge_length = 8.0", "edge_length = 12.0")
     text = text.replace("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]")
     result = []
     for name, ranges in (("whole", ["1..2"]), ("resumed", ["1", "1..2"])):
