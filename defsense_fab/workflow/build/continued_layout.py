@@ -2,8 +2,8 @@
 
 A search for cords takes most of a build. After a change of the fabrication the layout stays if it
 still keeps all limits; after a change of a drawn cord it is improved from where it is. After any
-other change, and with `defsense build --search`, the cords are searched for again. So they are after
-a change of the poses: a layout improved from the earlier one can be three times as bad as a new one.
+other change, and with `defsense build --search`, the cords are searched for again. This includes
+changes of the poses: a layout that was improved for them had three times the error of a new one.
 """
 
 from __future__ import annotations
