@@ -13,7 +13,8 @@ PYTEST = cache=$$(mktemp -d) && trap 'rm -rf "$$cache"' EXIT && DEFSENSE_CACHE="
 
 .PHONY: demo test tests quick bench setup check guide clean
 
-demo: setup
+# Only what a build needs: two thirds of the packages of `make setup`.
+demo: $(VENV)/.core
 	$(BIN)/defsense build fixtures/devices/bar
 
 # Linters, types and the guide run next to the tests: the type checker uses one core only.
@@ -48,13 +49,24 @@ guide: setup
 
 setup: $(VENV)/.ready
 
-$(VENV)/.ready: requirements.lock pyproject.toml setup-system.sh setup.py $(wildcard kernels/*)
-	PYTHON=$(PYTHON) sh setup-system.sh
-	$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(not (3, 11) <= v <= (3, 13) and f"Python 3.11, 3.12 or 3.13 is needed, this is {v[0]}.{v[1]}: make PYTHON=python3.13")'
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --no-deps -r requirements.lock
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --config-settings editable_mode=compat -e .
+SOURCES := pyproject.toml setup-system.sh setup.py $(wildcard kernels/*)
+
+$(VENV)/.ready: requirements.lock $(SOURCES)
+	$(call install,requirements.lock)
+	touch $(VENV)/.core $@
+
+$(VENV)/.core: requirements-core.lock $(SOURCES)
+	$(call install,requirements-core.lock)
 	touch $@
+
+# uv is faster, but ignores the settings of pip, such as another index.
+define install
+PYTHON=$(PYTHON) sh setup-system.sh
+$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(not (3, 11) <= v <= (3, 13) and f"Python 3.11, 3.12 or 3.13 is needed, this is {v[0]}.{v[1]}: make PYTHON=python3.13")'
+test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+uv pip install --python $(BIN)/python --no-deps -r $(1) 2>/dev/null || $(BIN)/python -m pip install --no-deps -r $(1)
+$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --config-settings editable_mode=compat -e .
+endef
 
 clean:
 	rm -rf $(VENV) defsense_fab/core/machine/kernels.abi3.so fixtures/devices/*/build fixtures/devices/*/.build-*
