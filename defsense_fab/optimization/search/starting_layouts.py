@@ -122,7 +122,7 @@ class LayoutSearch:
     planes: int | None = None
     normals: Float | None = None
     starts: int = 6
-    finalists: int = 2
+    finalists: int = 1
     candidates: int = 3000
 
 
