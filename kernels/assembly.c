@@ -134,7 +134,8 @@ int run_assemble_tangents(const Arg *a)
     const uint8_t *special = a[8].data;
     const int32_t *offset = a[13].data, *indptr = a[14].data;
     double *data = a[17].data, K[900];
-    for (int64_t k = 0; k < a[0].size[0]; k++) {
+    int64_t count = MIN(a[0].size[0], a[7].size[0] - a[15].count);
+    for (int64_t k = 0; k < count; k++) {
         int64_t e = a[15].count + k;
         element_tangent(F + 36 * k, gradient + 120 * k, weight[k], a[4].count, p, lag + 4 * k,
                         a[6].number, K);

@@ -86,12 +86,12 @@ static inline double segment_length(const double *points, int64_t p)
 }
 
 /* Fill the strained share of each segment: the part at least `hidden` mm from both line ends. Return
-   the rest length of the strained part; fill the end points of the segments in which it begins and ends. */
+   the rest length of the strained part; fill the end points of the segments in which it starts and ends. */
 static double find_strained(const double *points, int64_t first, int64_t last, double hidden,
-                            double *shares, int64_t *begins, int64_t *ends)
+                            double *shares, int64_t *start, int64_t *ends)
 {
     double total = 0.0, along = 0.0;
-    *begins = first, *ends = last;
+    *start = first, *ends = last;
     for (int64_t p = first + 1; p < last; p++)
         total += segment_length(points, p);
     for (int64_t p = first + 1; p < last; p++) {
@@ -99,7 +99,7 @@ static double find_strained(const double *points, int64_t first, int64_t last, d
         double low = MAX(along, hidden), high = MIN(along + step, total - hidden);
         shares[p] = hidden > 0 ? MAX(high - low, 0.0) / step : 1.0;
         if (along <= hidden && hidden < along + step)
-            *begins = p;
+            *start = p;
         if (along < total - hidden && total - hidden <= along + step)
             *ends = p;
         along += step;
@@ -154,8 +154,8 @@ static void fill_signal(const double *points, int64_t count, const double *moved
                         double *shares, double *lengths, double *out, double *bent)
 {
     double *by_rest = bent ? bent + count * states : NULL;
-    int64_t begins, ends;
-    double rest = find_strained(points, first, last, answer->hidden, shares, &begins, &ends);
+    int64_t start, ends;
+    double rest = find_strained(points, first, last, answer->hidden, shares, &start, &ends);
     measure(moved, first, last, states, shares, steps, lengths);
     if (answer->is_local)
         memset(lengths, 0, (size_t)states * sizeof(double));
@@ -177,8 +177,8 @@ static void fill_signal(const double *points, int64_t count, const double *moved
                 by_rest[states * p + s] = 0.0;
             }
     }
-    if (bent && answer->hidden > 0 && begins < ends) {
-        add_ends(points, answer, steps, shares, states, begins, first + 1, begins, by_rest);
+    if (bent && answer->hidden > 0 && start < ends) {
+        add_ends(points, answer, steps, shares, states, start, first + 1, start, by_rest);
         add_ends(points, answer, steps, shares, states, ends, ends + 1, last, by_rest);
     }
     double span = rest + answer->series;

@@ -110,7 +110,7 @@ def _fit_kernel(
     n, c = signals.shape
     counts = np.ones(n, int) if repeats is None else repeats
     noise = np.broadcast_to(np.maximum(noise, MIN_NOISE), (c,))
-    if n < FOLDS and like is None:
+    if counts.sum() < FOLDS and like is None:
         like = KernelDecoder(
             signals, np.ones(c), _DEFAULT_GAMMA, _DEFAULT_ALPHA, outputs, outputs.mean(0)
         )

@@ -1,4 +1,4 @@
-"""Clear what this machine keeps to save time: meshes, solved poses and machine code."""
+"""Clear the caches of this machine: meshes, solved poses and machine code."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..core.storage.kept_files import delete, size_of
 
 @dataclass(frozen=True)
 class ClearedCache:
-    """What was deleted of one kind.
+    """The deleted files of one kind.
 
     Attributes:
         kind: "meshes", "solved poses" or "compiled code".
@@ -35,7 +35,7 @@ def clear_cache() -> list[ClearedCache]:
     The next builds make it again. Files of devices, builds and recordings are not touched.
 
     Returns:
-        What was deleted, by kind.
+        The deleted files, by kind.
     """
     return [_clear(kind, paths()) for kind, paths in _kinds()]
 

@@ -14,14 +14,14 @@ clear = command(
     "clear",
     "defsense cache clear",
     "defsense cache clear --json",
-    help="Delete cached meshes, solved poses and compiled code, and print what was freed",
+    help="Delete cached meshes, solved poses and compiled code, and show the freed space",
 )
 cache.command(clear)
 
 
 @clear.default
 def _clear(*, output: OutputOptions = _NO_OUTPUT) -> None:
-    """Delete cached meshes, solved poses and compiled code, and print what was freed.
+    """Delete cached meshes, solved poses and compiled code, and show the freed space.
 
     The next commands make again what they need, with the same results. Files of devices, builds and
     recordings are not touched.

@@ -26,6 +26,7 @@ _HASH_DIGITS = 16  # in a folder's name
 _ANY_HASH = "[0-9a-f]" * _HASH_DIGITS
 #: Size of the machine code in a folder of several states of a module; the oldest are deleted.
 MAX_KEPT_BYTES = 50_000_000
+_CHOSEN_SUBFOLDER = "defsense-fab"  # of NUMBA_CACHE_DIR
 _lock = Lock()
 
 
@@ -92,7 +93,7 @@ def kept_code() -> list[Path]:
     folders = [*package.rglob("__pycache__"), _user_folder()]
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:
-        folders.append(Path(chosen))
+        folders.append(Path(chosen) / _CHOSEN_SUBFOLDER)
     return [path for folder in folders for path in folder.glob(f"*-{_ANY_HASH}") if path.is_dir()]
 
 
@@ -112,9 +113,10 @@ def _cache_folder(module: Path, chosen: str) -> Path:
     key = sha256(b"".join(sorted(_read(path)[0] for path in source_files(module)))).hexdigest()
     name = f"{module.stem}-{key[:_HASH_DIGITS]}"
     is_shared = bool(chosen) or not os.access(module.parent, os.W_OK)
-    folder = (
-        Path(chosen) if chosen else _user_folder() if is_shared else module.parent / "__pycache__"
-    )
+    if chosen:
+        folder = Path(chosen) / _CHOSEN_SUBFOLDER  # other folders there are not this package's
+    else:
+        folder = _user_folder() if is_shared else module.parent / "__pycache__"
     if not (folder / name).exists():
         states = folder.glob(f"{'*' if is_shared else module.stem}-{_ANY_HASH}")
         delete_oldest(states, MAX_KEPT_BYTES if is_shared else 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,20 +12,20 @@ from pathlib import Path
 def size_of(path: Path) -> int:
     """Return the size in bytes of a file, or of all files in a folder; 0 if it is gone."""
     with contextlib.suppress(OSError):
-        if path.is_dir():
+        if path.is_dir() and not path.is_symlink():
             return sum(size_of(child) for child in path.iterdir())
-        return path.stat().st_size
+        return path.lstat().st_size
     return 0
 
 
 def delete(path: Path) -> bool:
     """Delete a file or folder; return whether it is gone."""
-    if path.is_dir():
+    if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
     else:
         with contextlib.suppress(OSError):
             path.unlink(missing_ok=True)
-    return not path.exists()
+    return not os.path.lexists(path)
 
 
 def delete_oldest(paths: Iterable[Path], max_bytes: int) -> None:

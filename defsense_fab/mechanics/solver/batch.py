@@ -98,21 +98,13 @@ def solve_all(
                 system.reset()  # else results would depend on the number of threads
                 start = rest_state(job.conditions, len(mesh.nodes))
                 report = (lambda at, i=i: on_step(i, at)) if on_step else None
-                equilibria = follow(
-                    system,
-                    start,
-                    job.conditions,
-                    job.fractions,
-                    report,
-                    is_cancelled.is_set,
-                    Stepping(budget=job.budget),
-                )
+                goal, fractions, stop = job.conditions, job.fractions, is_cancelled.is_set
+                stepping = Stepping(budget=job.budget)
+                equilibria = follow(system, start, goal, fractions, report, stop, stepping)
                 equilibria = confirm_equilibria(
-                    system, start, job.conditions, equilibria, job.fractions, is_cancelled.is_set
+                    system, start, goal, equilibria, fractions, stop, stepping
                 )
-                results[i] = continue_from_free(
-                    mesh, material, equilibria, share, is_cancelled.is_set
-                )
+                results[i] = continue_from_free(mesh, material, equilibria, share, stop, stepping)
                 if on_solved is not None and not is_cancelled.is_set():
                     on_solved(i, results[i])
         except BaseException:

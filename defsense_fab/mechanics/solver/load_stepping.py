@@ -270,6 +270,7 @@ def continue_from_free(
     equilibria: Sequence[Equilibrium],
     threads: int = 1,
     stop: Callable[[], bool] | None = None,
+    stepping: Stepping | None = None,
 ) -> list[Equilibrium]:
     """Apply the further translations of handles whose position the solver has found.
 
@@ -279,6 +280,7 @@ def continue_from_free(
         equilibria: Equilibria of one pose at increasing fractions.
         threads: Number of threads.
         stop: Returns True to cancel.
+        stepping: How steps are taken and checked.
 
     Returns:
         The equilibria after the further translation, up to the first that was not reached;
@@ -296,7 +298,7 @@ def continue_from_free(
             start, goal = continuation
             if system is None:
                 system = System(mesh, material, goal, threads)
-            (moved,) = follow(system, start, goal, stop=stop)
+            (moved,) = follow(system, start, goal, stop=stop, stepping=stepping)
             out.append(replace(moved, amplitude=moved.amplitude * equilibrium.amplitude))
             if not moved.converged:
                 break
@@ -313,6 +315,7 @@ def confirm_equilibria(
     equilibria: Sequence[Equilibrium],
     fractions: Sequence[float],
     stop: Callable[[], bool] | None = None,
+    stepping: Stepping | None = None,
 ) -> list[Equilibrium]:
     """Compare equilibria of large rotations with those that steps of half the size lead to.
 
@@ -326,13 +329,14 @@ def confirm_equilibria(
         equilibria: Its result.
         fractions: Its fractions.
         stop: Returns True to cancel.
+        stepping: Its stepping.
 
     Returns:
         The equilibria with their status updated.
     """
     if _turn(start.conditions, goal) <= MAX_STEP_TURN_RAD:
         return list(equilibria)
-    half_steps = Stepping(check=False, largest_turn=MAX_STEP_TURN_RAD / 2)
+    half_steps = replace(stepping or Stepping(), check=False, largest_turn=MAX_STEP_TURN_RAD / 2)
     halved = follow(system, start, goal, fractions, None, stop, half_steps)
     size = float(np.linalg.norm(np.ptp(system.mesh.nodes, axis=0)))
     out = list(equilibria)
@@ -340,14 +344,16 @@ def confirm_equilibria(
         comparison = halved[k] if k < len(halved) else halved[-1]
         if equilibrium.u is None or comparison.status is Status.CANCELLED:
             continue
-        if k >= len(halved) or comparison.u is None:
+        if comparison.status is Status.OVER_BUDGET:
+            problem = "steps of half the size exceed the budget"
+        elif k >= len(halved) or comparison.u is None:
             problem = "steps of half the size do not reach it"
         else:
             distance = float(np.linalg.norm(equilibrium.u - comparison.u, axis=1).max())
             if distance <= _SAME_EQUILIBRIUM_RTOL * size:
                 continue
             problem = f"steps of half the size end {distance:.3g} mm away"
-        problem += ": there is more than one equilibrium, and the body may take another"
+        problem += ": there may be more than one equilibrium, and the body may take another"
         description = (
             problem if equilibrium.problem is None else f"{equilibrium.problem}; {problem}"
         )

@@ -173,6 +173,8 @@ def _load(path: Path, conditions: BoundaryConditions) -> list[Equilibrium]:
     """Return the equilibria of a job with these conditions; none if the file cannot be read."""
     try:
         with path.open("rb") as file, np.load(file) as data:
+            with contextlib.suppress(OSError):
+                os.utime(path)  # the oldest are deleted first
             return [
                 Equilibrium(
                     Status(record["status"]),

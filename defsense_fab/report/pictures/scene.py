@@ -74,8 +74,11 @@ class _Plotters(threading.local):
         return plotter
 
     def give_back(self, plotter: Any) -> None:
-        plotter.clear_actors()
-        self._free.append(plotter)
+        if threading.current_thread() is threading.main_thread():
+            plotter.clear_actors()
+            self._free.append(plotter)
+        else:  # PyVista would keep the plotter when the thread has ended
+            plotter.close()
 
 
 _plotters = _Plotters()

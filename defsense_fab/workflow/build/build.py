@@ -149,6 +149,14 @@ def build(
     return BuildResult(final, tuple(made), tuple(reused), results)
 
 
+def _is_continued(folder: Path) -> bool:
+    """Return whether the layout of a build was not found by a search, or cannot be read."""
+    try:
+        return bool(load_layout(folder).continued)
+    except DefsenseError:
+        return True
+
+
 class _Plan:
     """The stages of one build, and which results they can reuse."""
 
@@ -162,7 +170,7 @@ class _Plan:
         """Whether a folder has a stage's complete result for the body in `body` (the folder)."""
         if complete_key(folder, stage) != self.keys.of(body or folder)[stage.name]:
             return False
-        if stage.name == _OPTIMIZE and self.options.search and load_layout(folder).continued:
+        if stage.name == _OPTIMIZE and self.options.search and _is_continued(folder):
             return False
         return stage is not STAGES[0] or body_sources.is_unchanged(self.device, folder)
 

@@ -34,7 +34,7 @@ from ...store.fields import (
     state_file,
 )
 from .load_cases import Loading, list_loadings, prepare_jobs
-from .stages import CODE_VERSION, Report
+from .stages import CODE_VERSION, Report, installed_versions
 
 #: Jobs that end within this time were solved before; the time left is estimated after this time, s.
 _RESUMED_WITHIN_S, _ESTIMATED_AFTER_S = 0.3, 3.0
@@ -72,7 +72,8 @@ def run(device: Device, build: Build, report: Report, solve: Solve = solve_all) 
             " unreliable. Use another [mesh] edge_length, or repair thin folds of the body"
         )
     on_step = track_jobs(plan, report)
-    kept = SolvedJobs(("simulate", CODE_VERSION), partial(report, 0.0))
+    version = ("simulate", CODE_VERSION, installed_versions()["simulate"])
+    kept = SolvedJobs(version, partial(report, 0.0))
     solutions = kept.solve(solve, mesh, material, jobs, on_step)
     _save_fields(device, build, list(zip(plan, solutions, strict=True)), warnings)
 

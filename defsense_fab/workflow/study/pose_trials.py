@@ -43,7 +43,7 @@ class _Trial:
     def problem(self, max_strain: float, max_effort: float) -> str:
         """Return why a pose cannot have this amplitude; an empty text if it can."""
         if np.isnan(self.strain):
-            return "the solver does not reach it"
+            return "the solver does not reach it within its budget"
         if np.isinf(self.strain):
             return "it turns tets of the mesh inside out"
         if self.strain > max_strain:

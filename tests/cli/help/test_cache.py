@@ -17,8 +17,10 @@ def caches(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "code"))
     monkeypatch.setattr(compiled, "__file__", str(tmp_path / "a" / "b" / "c.py"))
     monkeypatch.setattr(compiled, "_user_folder", lambda: tmp_path / "none")
-    cached = [f"cache/{DIGEST}.npz", f"cache/solved/{DIGEST}.npz", f"code/tet10-{DIGEST}/x.nbc"]
-    other = ["cache/scan.npz", "cache/device.toml", "code/tet10/x.nbc", "code/notes.txt"]
+    code = "code/defsense-fab"
+    cached = [f"cache/{DIGEST}.npz", f"cache/solved/{DIGEST}.npz", f"{code}/tet10-{DIGEST}/x.nbc"]
+    other = ["cache/scan.npz", "cache/device.toml", f"{code}/tet10/x.nbc", "code/notes.txt",
+             f"code/photos-{DIGEST}/x.nbc"]  # fmt: skip
     for name in cached + other:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_bytes(bytes(1000))

@@ -59,10 +59,10 @@ def until(condition, timeout_s=240.0):
 
 def drag_until(page, drag, condition):
     """Drag until a condition holds, as a user would while a slow page still draws the scene."""
-    for _ in range(20):
+    for _ in range(4):
         page.wait_for_timeout(1000)
         drag()
-        if until(condition, 4.0):
+        if until(condition, 30.0):
             return True
     return False
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 import sys
 import zipfile
 
 import numpy as np
 import pytest
 
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.studio.page.studio import Studio
 from defsense_fab.studio.project.agreement import Agreement
+from defsense_fab.workflow.build.build import build
 from tests.studio.browser.conftest import around_arc, drag_until, new_context, until
 from tests.studio.browser.person import Person
 
@@ -106,6 +109,9 @@ def test_a_device_is_designed_and_exported(page, studio_server, studio, tmp_path
     person.press("Take the optimized cords")
     assert until(lambda: studio.page.bench.project.undo_name == "take the optimized cords")
 
+    # A build continues from the layout of the build before it.
+    copy = tmp_path / "elsewhere"
+    shutil.copytree(tmp_path / "arm", copy)
     person.press("Make")
     build_by(person, "Build everything", studio)
     with page.expect_download() as sent:
@@ -113,9 +119,10 @@ def test_a_device_is_designed_and_exported(page, studio_server, studio, tmp_path
     zipped = tmp_path / "export.zip"
     sent.value.save_as(zipped)
 
+    build(load_device(copy), "fabricate")
     with zipfile.ZipFile(zipped) as whole:
         whole.extractall(tmp_path / "out")
     (exported,) = (p for p in (tmp_path / "out").rglob("parts") if p.is_dir())
-    assert hashes(exported) == hashes(tmp_path / "arm" / "build" / "parts") != {}
+    assert hashes(exported) == hashes(copy / "build" / "parts") != {}
     summary = f"{person.clicks} clicks, {person.keys} keys, {person.minutes:.1f} minutes"
     sys.stdout.write(f"{summary}\n")  # with pytest -s

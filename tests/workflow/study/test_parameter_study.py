@@ -186,8 +186,12 @@ def test_cluster_gives_the_same_results_and_rejects_other_versions(
         monkeypatch.undo()
         check_complete(study(capsys, folder, *words))
         assert len(read_records(folder)) == 4
-        remote = solve_fields(folder, tmp_path_factory.mktemp("remote"), *words)
-        local_fields = solve_fields(folder, tmp_path_factory.mktemp("local"))
+        fields = []
+        for name, options in (("remote", words), ("local", [])):
+            into = tmp_path_factory.mktemp(name)
+            monkeypatch.setenv("DEFSENSE_CACHE", str(into / "cache"))
+            fields.append(solve_fields(folder, into, *options))
+        remote, local_fields = fields
         assert len(local_fields) == 3  # the pose, its half, and a state that is held out
         for name, u in local_fields.items():
             np.testing.assert_array_equal(remote[name], u)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -319,6 +319,7 @@ def tetrahedralize(
         limit = min(method.share * time_limit, deadline - time.monotonic())
         if limit <= 0:
             tried.append(f"no time was left for {', '.join(m.name for m in plan[k:])}")
+            stopped = True
             break
         fallback = f"{plan[k + 1].name} comes next" if k + 1 < len(plan) else "nothing else"
         monitor = RunMonitor(limit, report, method.name, method.usual_duration, fallback)
@@ -338,16 +339,13 @@ def tetrahedralize(
         else:
             score = _score(mesh, surface, edge_length)
             if best is None or score > best[0]:
-                failures = tuple(tried)
-                made = Tetrahedra(
-                    mesh, method.mesher, method.name, meshed, failures, stopped, time_limit
-                )
+                made = Tetrahedra(mesh, method.mesher, method.name, meshed, (), False, time_limit)
                 best = score, made
             if score >= 1:
                 break
             tried.append(f"{method.name}: it made flat tets, or too many ({len(mesh.tets):,})")
     if best is not None:
-        return best[1]
+        return replace(best[1], tried=tuple(tried), stopped=stopped)
     is_out_of_time = time.monotonic() >= deadline
     raise MeshingError(
         f"no method filled the body's surface with tets ({'. '.join(tried)})",
