@@ -14,7 +14,7 @@ PYTEST = cache=$$(mktemp -d) && trap 'rm -rf "$$cache"' EXIT && DEFSENSE_CACHE="
 .PHONY: demo test tests quick bench setup check guide clean
 
 demo: setup
-	$(BIN)/defsense build fixtures/devices/bar
+	$(BIN)/defsense build fixtures/devices/joystick
 
 # Linters, types and the guide run next to the tests: the type checker uses one core only.
 test: setup
