@@ -15,7 +15,7 @@ PYTEST = cache=$$(mktemp -d) && trap 'rm -rf "$$cache"' EXIT && DEFSENSE_CACHE="
 
 # Only what a build needs: 102 of the 175 packages of `make setup`.
 demo: $(VENV)/.core
-	$(BIN)/defsense build fixtures/devices/bar
+	$(BIN)/defsense build fixtures/devices/joystick
 
 # Linters, types and the guide run next to the tests: the type checker uses one core only.
 test: setup

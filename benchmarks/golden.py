@@ -1,7 +1,7 @@
 """Compare the results of the whole toolkit with the numbers in golden.json.
 
 Each step is run through the command line, from an empty cache, on copies of the devices in
-`fixtures/devices`: build four devices, simulate and process a filmed session, train and evaluate a
+`fixtures/devices`: build five devices, simulate and process a filmed session, train and evaluate a
 model, replay a recording live. The results are reduced to numbers and to digests of files:
 
     python -m benchmarks.golden             # compare, and list every difference
@@ -29,7 +29,7 @@ import numpy as np
 
 ROOT = Path(__file__).parents[1]
 GOLDEN = Path(__file__).with_suffix(".json")
-DEVICES = ("bar", "twist-bar", "cube", "blob")
+DEVICES = ("joystick", "bar", "twist-bar", "cube", "blob")
 STEPS = (*DEVICES, "session", "model", "live")
 _MAIN = "import sys; from defsense_fab.cli.main import main; sys.exit(main(sys.argv[1:]))"
 

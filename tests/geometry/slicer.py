@@ -22,16 +22,18 @@ def accept(folder):
         assert "facets_reversed" not in output
 
 
-def slice_(path, folder):
-    """One file becomes G-code on a bed that holds it; the slicer's word is its exit code."""
+def slice_(path, folder, *options):
+    """Slice a file on a bed that holds it, and return the path of the G-code; the slicer's word is
+    its exit code."""
     if shutil.which("prusa-slicer") is None:
         pytest.skip("prusa-slicer is not installed")
     out = folder / f"{path.stem}.gcode"
     # Seams that hide in corners would be three quarters of the time.
     process = subprocess.run(
         ["prusa-slicer", "-g", "--dont-arrange", "--bed-shape", "0x0,220x0,220x220,0x220",
-         "--seam-position", "rear", "--output", str(out), str(path)],
+         "--seam-position", "rear", *options, "--output", str(out), str(path)],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert process.returncode == 0, process.stderr
     assert out.stat().st_size > 10_000
+    return out

@@ -17,6 +17,7 @@ from ..study.options import MAX_CORDS as MAX_CORDS
 
 #: Devices of the package that users can start from, and their descriptions.
 EXAMPLES = {
+    "joystick": "Two cords sense where a slender stick is bent to; two hours of printing.",
     "bar": "Three cords sense bends up and down, and twists. A script makes the body.",
     "twist-bar": "One cord distinguishes left and right twists.",
     "cube": "Pressed, sheared and twisted; planes of three cords cross inside.",
@@ -53,7 +54,8 @@ class NewOptions:
     """Choices for a new device.
 
     Attributes:
-        body: Set the body: bar, twist-bar, cube, blob, or a file (script .py, STEP, or mesh).
+        body: Set the body: joystick, bar, twist-bar, cube, blob, or a file (script .py, STEP, or
+            mesh).
         units: Set the unit of a mesh's lengths: mm, cm, m, inch or um (default: guessed from the
             size).
         size: Set the longest side of a mesh in mm, for a file of unknown unit (in place of units).

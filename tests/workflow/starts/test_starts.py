@@ -43,6 +43,8 @@ from tests.conftest import box_surface
 from tests.support.errors import raises
 from tests.support.places import DEVICES
 
+BAR_START = next(s for s in STARTING_DEVICES if s.name == "bar")
+
 
 def create_draft(body, folder, name="grip", unit="mm", material="tango-plus", edge_length=6.0):
     options = NewOptions(name=name, units=unit, material=material, edge_length=edge_length)
@@ -85,7 +87,7 @@ def test_starting_device_is_copied_under_another_name(start, tmp_path):
 def test_existing_files_are_not_overwritten(tmp_path):
     (tmp_path / "bar.py").write_text("mine")
     with raises(StorageError, "file-exists"):
-        create_starting_device(STARTING_DEVICES[0], tmp_path, "grip")
+        create_starting_device(BAR_START, tmp_path, "grip")
     assert (tmp_path / "bar.py").read_text("utf-8") == "mine"
     assert not (tmp_path / "device.toml").exists()
 
@@ -98,11 +100,11 @@ def test_folder_that_cannot_be_written_is_left_unchanged(tmp_path, monkeypatch):
     (tmp_path / "mine").mkdir()
     for folder in (tmp_path / "x" / "y", tmp_path / "mine"):
         with raises(StorageError, "disk-full"):
-            create_starting_device(STARTING_DEVICES[0], folder, "grip")
+            create_starting_device(BAR_START, folder, "grip")
     assert [p.name for p in tmp_path.rglob("*")] == ["mine"]  # no partial files
     (tmp_path / "file").touch()
     with pytest.raises(StorageError):
-        create_starting_device(STARTING_DEVICES[0], tmp_path / "file" / "x", "grip")
+        create_starting_device(BAR_START, tmp_path / "file" / "x", "grip")
 
 
 @pytest.mark.parametrize("unit", ["mm", "inch", "m"])
@@ -284,7 +286,7 @@ def test_only_parameters_that_can_be_passed_by_name_are_written(tmp_path):
 
 def test_unchanged_cord_keeps_its_noise(tmp_path):
     for name, cord in (("same", "rubber-2mm"), ("none", None)):
-        create_starting_device(STARTING_DEVICES[0], tmp_path / name, "bar", cord)
+        create_starting_device(BAR_START, tmp_path / name, "bar", cord)
     texts = [(tmp_path / n / "device.toml").read_text(encoding="utf-8") for n in ("same", "none")]
     assert texts[0] == texts[1]
 

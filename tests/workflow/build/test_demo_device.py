@@ -1,0 +1,105 @@
+"""Test that the device of `make demo` stays what its documentation promises to a maker."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.store.build import Build
+from defsense_fab.workflow.build.build import build
+from tests.geometry.slicer import slice_
+from tests.support.places import DEVICES, ROOT
+from tests.support.shared_folders import fill_once
+
+pytestmark = pytest.mark.slow
+
+DEMO = re.search(r"defsense build fixtures/devices/(\S+)", (ROOT / "Makefile").read_text("utf-8"))[
+    1
+]
+MAX_FORCE_N, MAX_TORQUE_NM = 5.0, 0.3  # that a hand exerts easily
+MAX_ERROR_SHARE = 0.03  # of the largest movement
+
+# What the guide advises: three walls, solid, layers of 0.2 mm, 20 to 30 mm/s.
+SOLID_TPU = {
+    "nozzle-diameter": "0.4",
+    "layer-height": "0.2",
+    "perimeters": "3",
+    "fill-density": "100%",
+    "fill-pattern": "rectilinear",
+    "perimeter-speed": "25",
+    "external-perimeter-speed": "20",
+    "small-perimeter-speed": "20",
+    "infill-speed": "30",
+    "solid-infill-speed": "30",
+    "top-solid-infill-speed": "25",
+    "first-layer-speed": "15",
+    "gap-fill-speed": "20",
+}
+
+
+@pytest.fixture(scope="module")
+def device():
+    return load_device(DEVICES / DEMO)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    def fill(folder):
+        skip = shutil.ignore_patterns("build", ".*")
+        shutil.copytree(DEVICES / DEMO, folder, ignore=skip, dirs_exist_ok=True)
+        build(load_device(folder))
+
+    return Build(fill_once(tmp_path_factory, "demo", fill) / "build")
+
+
+@pytest.fixture(scope="module")
+def movements(device, built):
+    """Return the largest displacement of the body in each pose, mm."""
+    fields = built.fields
+    largest = np.linalg.norm(fields.displacements, axis=2).max(axis=1)
+    return {p.name: largest[fields.names.index(f"{p.name}@1")] for p in device.poses}
+
+
+def test_demo_has_few_parts_of_printable_tpu(device, built):
+    assert device.fabrication.process == "fdm-tpu"
+    assert device.material.name == "ninjaflex-85a"
+    manifest = built.manifest
+    assert len(manifest.parts) in (2, 3)
+    assert len(manifest.cords) <= 2
+    assert sum(pin.count for pin in manifest.pins) == 2 * (len(manifest.parts) - 1)
+
+
+def test_demo_builds_without_warnings(built):
+    assert not built.field_index.warnings
+    assert {s.status for s in built.field_index.states} == {"ok"}
+    assert not built.layout.warnings
+    assert not built.manifest.warnings
+
+
+def test_a_hand_can_reach_every_pose(device, built, movements):
+    # Energies grow with the square of the angle, so the moment is twice the energy divided by the
+    # angle. Twice the energy divided by the movement is more than the force of a push at the top,
+    # which reaches the same movement with less energy.
+    energies = {s.state: s.energy for s in built.field_index.states}
+    for pose in device.poses:
+        half, whole = energies[f"{pose.name}@0.5"], energies[f"{pose.name}@1"]
+        assert whole == pytest.approx(4 * half, rel=0.01)
+        (handle,) = pose.handles
+        assert 2 * whole / np.linalg.norm(handle.rotation) / 1000 < MAX_TORQUE_NM
+        assert 2 * whole / movements[pose.name] < MAX_FORCE_N
+
+
+def test_predicted_error_is_small_beside_the_movement(built, movements):
+    assert built.layout.band.trained.median < MAX_ERROR_SHARE * max(movements.values())
+
+
+@pytest.mark.peer
+def test_demo_prints_in_about_two_hours(built, tmp_path):
+    (plate,) = built.folder.glob("parts/plate*.3mf")
+    options = [f"--{name}={value}" for name, value in SOLID_TPU.items()]
+    gcode = slice_(plate, tmp_path, *options).read_text("utf-8")
+    time = re.search(r"estimated printing time \(normal mode\) = (\d+)h (\d+)m", gcode)
+    hours, minutes = time.groups()
+    assert 1.5 < int(hours) + int(minutes) / 60 < 2.5
