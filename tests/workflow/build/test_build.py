@@ -398,7 +398,7 @@ def test_parameters_from_the_command_line():
 
     device = load_device(BAR, {"length": 180})
     assert device.body.parameters["length"] == 180
-    assert np.isclose(device.mesh.edge_length, 6)
+    assert np.isclose(device.mesh.edge_length, 8)
 
 
 def test_strains_outside_of_the_calibrated_range_are_warnings():

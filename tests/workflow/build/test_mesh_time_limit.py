@@ -23,7 +23,7 @@ def folder(tmp_path, monkeypatch):
     made.mkdir()
     text = (DEVICES / "bar" / "device.toml").read_text("utf-8")
     script = text[text.index("script =") : text.index("\n\n[material]")]
-    text = text.replace(script, 'mesh = "bar.stl"').replace("= 6.0", "= 15.0\ntime_limit = 60", 1)
+    text = text.replace(script, 'mesh = "bar.stl"').replace("= 8.0", "= 15.0\ntime_limit = 60", 1)
     (made / "device.toml").write_text(text)
     write_stl(box_surface([0, -15, -15], [150, 15, 15]), made / "bar.stl")
     return made

@@ -99,6 +99,7 @@ def test_every_material_has_an_elongation():
     assert elongation_at_break("custom") is None
 
 
+@pytest.mark.slow
 def test_pose_that_inverts_tets_is_weakened(device, mesh):
     crushed = pose("crush", translation=(-110.0, 0, 0))
     rubber = replace(device, material=replace(device.material, name="unknown"))

@@ -98,6 +98,7 @@ def test_rough_skin_does_not_make_the_tets_smaller():
     assert bound_ratio(result.mesh) >= 1
 
 
+@pytest.mark.slow
 def test_mesh_of_far_too_many_tets_is_replaced(monkeypatch):
     ball = from_trimesh(trimesh.creation.icosphere(3, 30))
     usual = tetrahedralize(ball, 10.0)
