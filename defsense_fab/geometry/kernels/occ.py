@@ -295,7 +295,7 @@ def carve_and_split(
 #: Whether faces are joined after each operation (see `cut_out`), and whether channels are cut out
 #: before the body is divided. Each way sometimes fails where another works; the fastest is first.
 _ATTEMPTS = ((True, False), (False, True), (True, True), (False, False))
-#: Where a channel's axis lies exactly in a part's face, the kernel sometimes ignores the channel.
+#: Where a channel's axis is exactly in a part's face, the kernel sometimes ignores the channel.
 #: It does not if the channel is moved by less than anyone can measure.
 _SHIFT_MM = bd.Location((4e-5, 6e-5, 7e-5))
 
