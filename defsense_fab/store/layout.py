@@ -274,14 +274,14 @@ def _on_cords(family: str) -> str:
 
 @dataclass(frozen=True)
 class WeighedRecord:
-    """A layout whose parts were made on trial.
+    """A layout that was compared with others.
 
     Attributes:
         designed: RMSE on unseen states as designed, mm.
         built: RMSE on unseen states as built, mm; None if it cannot be made.
         planes: Number of cord planes.
         slanted: Number of plane directions that are not those of flat faces.
-        parts: Number of parts.
+        parts: Number of parts; None if they were not made.
         smallest: Volume of the smallest part, mm^3.
         free_ends: Number of ends of cords that no pocket holds.
         warnings: What is doubtful about the parts.

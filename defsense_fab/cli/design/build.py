@@ -246,13 +246,17 @@ def _describe_trials(layout: LayoutRecord) -> list[str]:
     """Return a line on the layouts that were made for comparison, if there were several."""
     if len(layout.weighed) < 2:
         return []
-    results = [
-        f"{t.built:.2f} mm in {t.parts} parts"
-        f"{'' if t.slanted else ', no plane slanted'}{' (chosen)' if t.chosen else ''}"
-        if t.problem is None
-        else f"{t.designed:.2f} mm, cannot be made"
-        for t in layout.weighed
-    ]
+    results = []
+    for t in layout.weighed:
+        if t.problem is not None:
+            results.append(f"{t.designed:.2f} mm, cannot be made")
+            continue
+        planes = f"on {t.planes} plane{'' if t.planes == 1 else 's'}"
+        slanted = "" if t.slanted else ", none slanted"
+        parts = "" if t.parts is None else f" in {t.parts} parts"
+        results.append(
+            f"{t.built:.2f} mm{parts} {planes}{slanted}{' (chosen)' if t.chosen else ''}"
+        )
     return [f"compared layouts, unseen states as built: {'; '.join(dict.fromkeys(results))}"]
 
 

@@ -1,15 +1,16 @@
 """Choose the layout to build among those that a search found: one that is simple to make.
 
 Layouts whose errors differ by a few per cent differ more in effort than in accuracy, and the best
-may be impossible to make. Therefore each is made on trial (with triangle meshes, in some seconds),
-and its error is that of the cords as built in, on unseen states. For cast devices the openings of
-all moulds are checked, and the moulds of the chosen layout are made.
+may be impossible to make. Their errors are those of the cords as built in, on unseen states; the
+channels are enough to know them. The parts of layouts that may be chosen are made on trial, as
+triangle meshes, in some seconds. For cast devices the openings of all moulds are checked, and the
+moulds of the chosen layout are made.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol, TypeVar
 
 from ...core.arrays import Float
@@ -23,7 +24,14 @@ from ...geometry.moulds.moulds import check_openings, make_moulds
 from ...geometry.parts.records import PartSet
 from ..refinement.refine import OptimizedLayout
 from ..search.plane_directions import count_slanted, face_directions
-from .as_built import assumed_cords, decide_strain_relief, fabricate, mould_rules, score_channels
+from .as_built import (
+    StrainRelief,
+    assumed_cords,
+    decide_strain_relief,
+    fabricate,
+    mould_rules,
+    score_channels,
+)
 from .assembly_effects import find_overstretched_cords
 from .design_task import DesignTask
 from .predict import ScoredLayout, predict
@@ -32,7 +40,7 @@ SIMILAR_ERROR_RATIO = 1.05  # to the best error, within which layouts count as e
 
 
 class TriedLayout(Protocol):
-    """A layout that was made on trial; see `WeighedRecord`."""
+    """A layout that may have been made on trial; see `WeighedRecord`."""
 
     @property
     def built(self) -> float | None: ...
@@ -65,14 +73,14 @@ def prefer_layout(trials: Sequence[W], prefer: str) -> W | None:
     """Choose among layouts that were made on trial.
 
     Args:
-        trials: The layouts.
+        trials: The layouts; those whose parts were not made are ignored.
         prefer: `"accuracy"` for the smallest error as built, else the simplest of the layouts about
             as good.
 
     Returns:
         The chosen layout, or None if no layout can be made.
     """
-    feasible = [t for t in trials if t.problem is None]
+    feasible = [t for t in trials if t.problem is None and t.parts is not None]
     if not feasible:
         return None
     if prefer == "accuracy":
@@ -92,21 +100,20 @@ _SAME_ERROR_RTOL = 1e-4  # by which the errors of equal layouts may differ
 
 @dataclass(frozen=True)
 class Trial:
-    """A layout made on trial.
+    """A layout whose channels, and perhaps parts, were made on trial.
 
     Attributes:
         layout: The layout.
         designed: RMSE (mm) on unseen states as designed.
         scored: The prediction as built.
         slanted: Number of directions of planes that are not those of flat faces.
-        parts: Number of parts, None if it cannot be made.
+        parts: Number of parts, None if they were not made.
         smallest: Volume of the smallest part, mm^3.
         free_ends: Number of cord ends without a pocket that holds them.
         warnings: Notes about the parts and their assembly.
         problem: Reason why it cannot be made.
+        relief: The strain relief, with the channels; None if they cannot be made.
         part_set: The parts.
-        as_built: The device with its strain relief decided.
-        relief_notes: Notes about the strain relief.
     """
 
     layout: OptimizedLayout
@@ -118,9 +125,8 @@ class Trial:
     free_ends: int = 0
     warnings: tuple[str, ...] = ()
     problem: str | None = None
+    relief: StrainRelief | None = field(default=None, repr=False, compare=False)
     part_set: PartSet | None = field(default=None, repr=False, compare=False)
-    as_built: Device | None = field(default=None, repr=False, compare=False)
-    relief_notes: tuple[str, ...] = ()
 
     @property
     def built(self) -> float:
@@ -165,9 +171,10 @@ def choose_layout(
     """Choose the layout to build.
 
     Among the layouts that can be made and are about as accurate as the best, the simplest is
-    chosen, or the most accurate with `[design] prefer = "accuracy"`. Clearly worse layouts are
-    tried only if none of these can be made. Layouts with fewer planes or fewer slanted ones are
-    always tried, to show what they cost.
+    chosen, or the most accurate with `[design] prefer = "accuracy"`. Parts are made in the order of
+    the errors as built, until no other layout can be chosen. Clearly worse layouts are considered
+    only if none of these can be made. Layouts with fewer planes or fewer slanted ones are always
+    among the trials, to show what they cost.
 
     Args:
         device: The device.
@@ -187,30 +194,36 @@ def choose_layout(
     candidates = [e for e in ranked if e[1] <= bound and e[0].slivers == slivers][:_MAX_TRIALS]
     directions = face_directions(surface)
 
-    def make_trial(layout: OptimizedLayout, error: float) -> Trial:
-        return make_on_trial(device, task, layout, error, surface, bay, directions)
+    def outline(layout: OptimizedLayout, error: float) -> Trial:
+        return _outline(device, task, layout, error, surface, bay, directions)
 
-    trials = []
+    def is_simpler(layout: OptimizedLayout) -> bool:
+        """Return whether it has fewer planes, or fewer slanted ones, than all that can be made."""
+        possible = [t for t in trials if not t.problem]
+        return _count_planes(layout) < min(t.planes for t in possible) or _count_slanted(
+            layout, directions
+        ) < min(t.slanted for t in possible)
+
+    trials = [outline(*candidate) for candidate in candidates]
+    untried = ranked[len(candidates) :]
     cast = device.fabrication.kind == "cast"
     share = 0.7 if cast else 1.0
-    for k, (layout, error) in enumerate(candidates):
-        report(share * k / len(candidates), f"making layout {k + 1} of {len(candidates)} on trial")
-        trials.append(make_trial(layout, error))
-    untried = []
-    for layout, error in ranked[len(candidates) :]:
-        feasible = [t for t in trials if not t.problem]
-        if (
-            not feasible
-            or _count_planes(layout) < min(t.planes for t in feasible)
-            or _count_slanted(layout, directions) < min(t.slanted for t in feasible)
-        ):
-            trials.append(make_trial(layout, error))
-        else:
-            untried.append((layout, error))
+    ratio = 1.0 if device.prefer == "accuracy" else SIMILAR_ERROR_RATIO
     while True:
+        made = sum(t.problem is not None or t.parts is not None for t in trials)
+        report(share * made / len(trials), f"making layout {made + 1} of {len(trials)} on trial")
         best = prefer_layout(trials, device.prefer)
-        if best is None and untried:
-            trials.append(make_trial(*untried.pop(0)))
+        least = min((t.built for t in trials if t.parts is not None), default=float("inf"))
+        unmade = [t for t in trials if t.problem is None and t.parts is None]
+        following = min(unmade, key=_built, default=None)
+        if following is not None and following.built <= ratio * least:
+            made_trial = _make_parts(task, following, surface, bay)
+            trials = [made_trial if t is following else t for t in trials]
+        elif best is None and untried:
+            trials.append(outline(*untried.pop(0)))
+        elif best is not None and any(is_simpler(e[0]) for e in untried):
+            simpler = next(k for k, e in enumerate(untried) if is_simpler(e[0]))
+            trials.append(outline(*untried.pop(simpler)))
         elif best is None or not cast:
             return best or trials[0], tuple(trials)
         elif (problem := _casting_problem(device, best, subrange(report, share, 1.0))) is None:
@@ -248,7 +261,7 @@ def make_on_trial(
     bay: Prism | None,
     directions: Float,
 ) -> Trial:
-    """Make a layout on trial.
+    """Make the parts of a layout on trial.
 
     Args:
         device: The device.
@@ -259,30 +272,58 @@ def make_on_trial(
         bay: Connector bay, if any.
         directions: Directions (k, 3) of the body's flat faces.
     """
+    trial = _outline(device, task, layout, designed, surface, bay, directions)
+    return trial if trial.problem else _make_parts(task, trial, surface, bay)
+
+
+def _outline(
+    device: Device,
+    task: DesignTask,
+    layout: OptimizedLayout,
+    designed: float,
+    surface: Surface,
+    bay: Prism | None,
+    directions: Float,
+) -> Trial:
+    """Return the trial of a layout without its parts."""
     slants = _count_slanted(layout, directions)
     try:
         relief = decide_strain_relief(device, task, surface, layout.sensors, bay)
-        device = relief.device
+    except FabricationError as error:
+        return Trial(layout, designed, _score_design(task, layout), slants, problem=str(error))
+    free = sum(not e.pocket for c in relief.channels for e in c.ends)
+    return Trial(
+        layout,
+        designed,
+        score_channels(task, relief.channels),
+        slants,
+        free_ends=free if device.fabrication.pockets else 0,
+        relief=relief,
+    )
+
+
+def _make_parts(task: DesignTask, trial: Trial, surface: Surface, bay: Prism | None) -> Trial:
+    assert trial.relief is not None
+    device, channels = trial.relief.device, trial.relief.channels
+    try:
         part_set = fabricate(
-            device, surface, layout.sensors, lambda *_: None, None, bay, relief.channels
+            device, surface, trial.layout.sensors, lambda *_: None, None, bay, channels
         )
         if device.fabrication.kind == "cast":
             check_openings(part_set)
     except FabricationError as error:
-        return Trial(layout, designed, _score_design(task, layout), slants, problem=str(error))
+        return _with_problem(trial, str(error))
     built = score_channels(task, part_set.channels)
-    smallest = min(p.volume for p in part_set.parts)
     free = sum(not e.pocket for c in part_set.channels for e in c.ends)
-    return Trial(
-        layout,
-        designed,
-        built,
-        slants,
-        len(part_set.parts),
-        smallest,
-        free if device.fabrication.pockets else 0,
-        (*part_set.warnings, *map(str, find_overstretched_cords(device, part_set, built.cords))),
+    return replace(
+        trial,
+        scored=built,
+        parts=len(part_set.parts),
+        smallest=min(p.volume for p in part_set.parts),
+        free_ends=free if device.fabrication.pockets else 0,
+        warnings=(
+            *part_set.warnings,
+            *map(str, find_overstretched_cords(device, part_set, built.cords)),
+        ),
         part_set=part_set,
-        as_built=device,
-        relief_notes=relief.notes,
     )

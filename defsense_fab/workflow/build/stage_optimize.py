@@ -128,9 +128,9 @@ def run(
     )
     save_layout(build.folder, build.layout, build.prediction)
     save_weighed(build.folder, build.weighed)
-    if chosen.part_set is None or chosen.as_built is None:
+    if chosen.part_set is None or chosen.relief is None:
         return None
-    return Winner(chosen.as_built, chosen.relief_notes, chosen.part_set, task)
+    return Winner(chosen.relief.device, chosen.relief.notes, chosen.part_set, task)
 
 
 def _continue(

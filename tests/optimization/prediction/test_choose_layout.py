@@ -39,18 +39,27 @@ def choose(monkeypatch, bar):
         """Choose; cast layouts whose numbers of parts are in `locks` have no moulds."""
         tried = []
 
-        def fabricate(device, surface, sensors, *_):
-            result = next(m for f, m in zip(layouts, outcomes, strict=True) if f.sensors is sensors)
+        def outcome(sensors):
+            found = zip(layouts, outcomes, strict=True)
+            return next((f.rmse, m) for f, m in found if f.sensors is sensors)
+
+        def relief(device, task, surface, sensors, bay):
+            rmse, result = outcome(sensors)
+            built, parts, _ = (rmse, 1, 0) if isinstance(result, str) else result
+            free = parts[1] if isinstance(parts, tuple) else 0
+            ends = [SimpleNamespace(pocket=0.0)] * free + [SimpleNamespace(pocket=7.0)]
+            return StrainRelief(device, [SimpleNamespace(ends=ends, built=built)])
+
+        def fabricate(device, surface, sensors, report, solid, bay, channels):
+            _, result = outcome(sensors)
             tried.append(result)
             if isinstance(result, str):
                 raise FabricationError(result, code="part-too-thin")
-            built, parts, warnings = result
-            parts, free = parts if isinstance(parts, tuple) else (parts, 0)
-            part = SimpleNamespace(volume=1000.0 / parts)
-            ends = [SimpleNamespace(pocket=0.0)] * free + [SimpleNamespace(pocket=7.0)]
+            _, parts, warnings = result
+            parts = parts[0] if isinstance(parts, tuple) else parts
             return SimpleNamespace(
-                channels=[SimpleNamespace(ends=ends, built=built)],
-                parts=[part] * parts,
+                channels=channels,
+                parts=[SimpleNamespace(volume=1000.0 / parts)] * parts,
                 warnings=("note",) * warnings,
             )
 
@@ -69,7 +78,6 @@ def choose(monkeypatch, bar):
                     f"mould of {len(part_set.parts)} parts locks", code="mould-pieces-lock"
                 )
 
-        relief = lambda device, *_: StrainRelief(device, ())  # noqa: E731
         monkeypatch.setattr(module, "decide_strain_relief", relief)
         monkeypatch.setattr(module, "find_overstretched_cords", lambda *_: [])
         monkeypatch.setattr(module, "mould_rules", lambda device: None)
@@ -94,8 +102,9 @@ def test_the_simplest_of_similar_layouts_is_chosen(straight, choose):
     assert [t.layout for t in trials] == layouts
     chosen, _, _ = choose(layouts, [(0.500, 5, 0), (0.502, 4, 0), (0.520, 3, 0)])
     assert chosen.parts == 3
-    chosen, _, _ = choose(layouts, [(0.500, 5, 0), (0.502, 4, 0), (0.530, 3, 0)])
+    chosen, trials, tried = choose(layouts, [(0.500, 5, 0), (0.502, 4, 0), (0.530, 3, 0)])
     assert chosen.parts == 4  # the simplest one is six per cent worse
+    assert (trials[2].built, trials[2].parts, len(tried)) == (0.53, None, 2)
 
 
 def test_an_end_without_a_pocket_counts_as_a_part(straight, choose):
@@ -108,6 +117,8 @@ def test_accuracy_is_judged_as_built(straight, choose):
     layouts = [layout(straight, 0.50, 3), layout(straight, 0.51, 3)]
     chosen, _, _ = choose(layouts, [(0.60, 2, 0), (0.55, 6, 3)], prefer="accuracy")
     assert chosen.built == 0.55
+    _, _, tried = choose(layouts, [(0.60, 2, 0), "in pieces"], prefer="accuracy")
+    assert tried == ["in pieces", (0.60, 2, 0)]  # in the order of errors as built
 
 
 def test_the_next_layout_replaces_one_that_cannot_be_made(straight, choose):
@@ -133,11 +144,11 @@ def test_the_next_layout_replaces_one_that_cannot_be_cast(straight, choose):
     assert [t.problem for t in trials] == [f"mould of {n} parts locks" for n in (3, 4, 5)]
 
 
-def test_layouts_with_fewer_planes_are_always_tried(straight, choose):
+def test_layouts_with_fewer_planes_are_always_listed(straight, choose):
     layouts = [layout(straight, 0.5, 3), layout(straight, 1.5, 1), layout(straight, 2.5, 4)]
     chosen, trials, _ = choose(layouts, [(0.5, 4, 0), (1.5, 2, 0), (2.5, 9, 0)])
     assert chosen.built == 0.5
-    assert [(t.planes, t.parts) for t in trials] == [(3, 4), (1, 2)]
+    assert [(t.planes, t.built, t.parts) for t in trials] == [(3, 0.5, 4), (1, 1.5, None)]
     layouts = [layout(straight, 0.5, 1), layout(straight, 0.52, 3), layout(straight, 1.5, 2)]
     _, trials, _ = choose(layouts, ["in pieces", (0.52, 4, 0), (1.5, 3, 0)])
     assert [(t.planes, t.problem) for t in trials] == [(1, "in pieces"), (3, None), (2, None)]
