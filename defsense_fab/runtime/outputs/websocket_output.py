@@ -218,7 +218,10 @@ class WebSocketServer:
             close_timeout=1,
             server_header=None,
             logger=quiet,
+            start_serving=False,
         ) as server:
+            # asyncio leaves the socket open if it cannot listen, unless the server is closed.
+            await server.start_serving()
             self.port = _port_of(server)
             self._started.set()
             await self._stop.wait()

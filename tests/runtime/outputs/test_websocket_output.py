@@ -2,6 +2,7 @@
 
 import base64
 import contextlib
+import errno
 import json
 import os
 import socket
@@ -332,6 +333,19 @@ def test_busy_port_is_refused(opened):
         WebSocketOutput(WebSocketSettings(port=taken))
     with raises(OutputError, "address-unavailable", host="192.0.2.1"):
         WebSocketOutput(WebSocketSettings(host="192.0.2.1"))
+
+
+def test_port_that_is_taken_at_the_last_moment_is_released(monkeypatch):
+    tried = []
+
+    def listen(self, *_):
+        tried.append(self)
+        raise OSError(errno.EADDRINUSE, "another program listens there")
+
+    monkeypatch.setattr(socket.socket, "listen", listen)
+    with raises(OutputError, "port-busy"):
+        WebSocketOutput(WebSocketSettings(port=0))
+    assert tried and all(s.fileno() == -1 for s in tried)
 
 
 def test_closing_ends_clients(opened):
