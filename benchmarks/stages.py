@@ -1,4 +1,4 @@
-"""Measure a build from an empty cache, stage by stage, in CPU seconds and elapsed time.
+"""Measure a build from an empty cache: CPU seconds and elapsed time of each stage, peak memory.
 
     python -m benchmarks.stages fixtures/devices/bar
     python -m benchmarks.stages fixtures/devices/* --compile
@@ -28,13 +28,24 @@ def cpu() -> float:
     return sum(u.ru_utime + u.ru_stime for u in used)
 
 
-def built(folder: Path) -> list[tuple[str, float, float]]:
+def peak() -> float:
+    """Return the largest memory of this process or of a finished child so far, MB."""
+    return (
+        max(
+            resource.getrusage(w).ru_maxrss
+            for w in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+        )
+        / 1024
+    )
+
+
+def built(folder: Path) -> list[tuple[str, float, float, float]]:
     """Build the device.
 
     Returns:
-        Name, CPU seconds and elapsed seconds of each stage; imports are the first.
+        Name, CPU seconds, elapsed seconds and peak memory (MB) of each stage, imports first.
     """
-    started = cpu(), time.perf_counter()
+    started = cpu(), time.perf_counter(), 0.0
     from defsense_fab.core.device.device_file import load_device
     from defsense_fab.workflow.build.build import build
 
@@ -43,14 +54,14 @@ def built(folder: Path) -> list[tuple[str, float, float]]:
 
     def progress(stage: str, fraction: float, _: str) -> None:
         if fraction == 0.0 and stage != marks[-1][0]:
-            marks.append((stage, cpu(), time.perf_counter()))
+            marks.append((stage, cpu(), time.perf_counter(), peak()))
 
     build(device, progress=progress)
-    ends = [*marks[1:], ("", cpu(), time.perf_counter())]
-    return [(m[0], e[1] - m[1], e[2] - m[2]) for m, e in zip(marks, ends, strict=True)]
+    ends = [*marks[1:], ("", cpu(), time.perf_counter(), peak())]
+    return [(m[0], e[1] - m[1], e[2] - m[2], e[3]) for m, e in zip(marks, ends, strict=True)]
 
 
-def in_process(folder: Path, environment: dict[str, str]) -> list[tuple[str, float, float]]:
+def in_process(folder: Path, environment: dict[str, str]) -> list[tuple[str, float, float, float]]:
     """Return the same from a new process."""
     command = [sys.executable, "-m", "benchmarks.stages", "--one", str(folder)]
     out = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
@@ -84,8 +95,9 @@ def main() -> None:
             rows = in_process(copy, environment)
         total = [sum(r[k] for r in rows) for k in (1, 2)]
         print(f"{source.name}: {total[0]:.1f} CPU s, {total[1]:.1f} s on the clock")
-        for name, used, wall in rows:
-            print(f"  {name:<10} {used:6.1f} CPU s  {used / total[0]:4.0%}  {wall:6.1f} s")
+        for name, used, wall, memory in rows:
+            share = used / total[0]
+            print(f"  {name:<10} {used:6.1f} CPU s  {share:4.0%}  {wall:6.1f} s  {memory:6.0f} MB")
 
 
 if __name__ == "__main__":
