@@ -1,4 +1,4 @@
-"""Draw what the package proposes: poses side by side, and trial layouts by error and parts."""
+"""Draw what the package proposes: poses side by side, and layouts by error and planes."""
 
 from __future__ import annotations
 
@@ -64,15 +64,15 @@ def draw_modes(
 
 
 def draw_trial_errors(trials: Sequence[WeighedRecord]) -> str | None:
-    """Plot the error of each trial layout against its number of parts.
+    """Plot the error of each compared layout against its number of planes.
 
     Args:
-        trials: Layouts that the optimizer tried; those without parts are not drawn.
+        trials: The layouts; those that cannot be made are not drawn.
 
     Returns:
-        The plot as a PNG data URI, or None if fewer than two layouts could be divided into parts.
+        The plot as a PNG data URI, or None if fewer than two layouts can be made.
     """
-    feasible = [t for t in trials if t.built is not None and t.parts is not None]
+    feasible = [t for t in trials if t.built is not None]
     if len(feasible) < _MIN_TRIALS:
         return None
     from matplotlib.figure import Figure
@@ -80,22 +80,26 @@ def draw_trial_errors(trials: Sequence[WeighedRecord]) -> str | None:
 
     figure = Figure(figsize=(6.5, 3.6), dpi=110, layout="constrained")
     axis = figure.subplots()
-    for is_clear, label, face in ((True, "no warnings", None), (False, "warnings", "w")):
-        group = [t for t in feasible if (not t.warnings) == is_clear]
+    groups = {
+        "no warnings": [t for t in feasible if t.parts is not None and not t.warnings],
+        "warnings": [t for t in feasible if t.parts is not None and t.warnings],
+        "parts not made": [t for t in feasible if t.parts is None],
+    }
+    for (label, group), face in zip(groups.items(), (COLORS[1], "w", "lightgray"), strict=True):
         if group:
-            x, y = _parts_and_errors(group)
-            axis.scatter(x, y, s=60, edgecolor=COLORS[1], facecolor=face or COLORS[1], label=label)
-    x, y = _parts_and_errors([t for t in feasible if t.chosen])
+            x, y = _planes_and_errors(group)
+            axis.scatter(x, y, s=60, edgecolor=COLORS[1], facecolor=face, label=label)
+    x, y = _planes_and_errors([t for t in feasible if t.chosen])
     axis.scatter(x, y, s=220, facecolor="none", edgecolor=COLORS[0], linewidth=2, label="chosen")
-    axis.set(xlabel="Number of parts", ylabel="RMSE in unseen states, mm")
+    axis.set(xlabel="Number of planes", ylabel="RMSE in unseen states, mm")
     axis.margins(x=0.15)
-    axis.set_ylim(0, 1.15 * float(_parts_and_errors(feasible)[1].max()))
+    axis.set_ylim(0, 1.15 * float(_planes_and_errors(feasible)[1].max()))
     axis.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     axis.grid(True, alpha=0.25)
     axis.legend(fontsize="small")
     return as_image(figure)
 
 
-def _parts_and_errors(trials: Sequence[WeighedRecord]) -> Float:
-    """Return the numbers of parts and the errors of trials, (2, t)."""
-    return np.array([(t.parts, t.built) for t in trials], float).reshape(-1, 2).T
+def _planes_and_errors(trials: Sequence[WeighedRecord]) -> Float:
+    """Return the numbers of planes and the errors of layouts, (2, t)."""
+    return np.array([(t.planes, t.built) for t in trials], float).reshape(-1, 2).T

@@ -220,11 +220,11 @@ def comparison_table(layouts: Sequence[ComparedLayout]) -> str:
         rows.append([name, _error_text(layout.error), band, parts, count, planes])
     note = (
         "mm: error in unseen states. 90 %: range of 90 % of built devices by noise and tolerances,"
-        " without the cords' memory. Bold: layout of the build. ?: not computed; errors of layouts"
-        " of `defsense study` are those of the design."
+        " without the cords' memory. Bold: layout of the build. ?: not computed; the errors of a"
+        " study's layouts are those of the design."
     )
     if not any(layout.is_studied for layout in layouts):
-        note += " A study adds other numbers of cords."
+        note += " `defsense study` adds other numbers of cords."
     table = markdown_table(["Layout", "mm", "90 %", "Parts", "Cords", "Planes"], rows, "lrlr")
     return f"{table}\n\n{note}"
 

@@ -141,9 +141,9 @@ def test_layout_and_manifest_are_consistent(device):
         assert c["resistance"] == pytest.approx(c["resistance_before"] + gained)
         assert c["range"][0] <= c["resistance"] <= c["range"][1]
     page = (device / "build" / "report.html").read_text("utf-8")
-    # Three poses, two mixtures and the worst unseen state; cords, parts, and error against parts.
+    # Three poses, two mixtures and the worst unseen state; cords, parts, and error against planes.
     assert page.count("data:image/png;base64,") == 3 + 2 * 6
-    assert 'alt="error against parts"' in page
+    assert 'alt="error against planes"' in page
     least, most = (100 * layout["sensors"][0][k] for k in ("least_strain", "peak_strain"))
     assert f"<td>{least:.1f} to {most:.1f} %</td>" in page
     unseen = layout["prediction"]["held_out"].items()
