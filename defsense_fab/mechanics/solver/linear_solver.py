@@ -22,7 +22,6 @@ import scipy.sparse.linalg as spl
 from ...core.arrays import Float
 from ...core.errors import SolveError
 
-
 #: Unknowns of a matrix from which it is factored in single precision, and the solve corrected.
 MIN_SINGLE_UNKNOWNS = 60_000  # about 13,000 tets
 #: Relative residuals of a solve, and of the solve that looks for directions of negative curvature.
@@ -160,7 +159,7 @@ class _PardisoHandle:
         self._call(12 if first else 22, np.zeros((upper.shape[0], 1), self._dtype))
 
     def solve(self, right: Float) -> Float:
-        columns = np.asfortranarray(right.reshape(len(right), -1), self._dtype)
+        columns: Any = np.asfortranarray(right.reshape(len(right), -1), self._dtype)
         return self._call(33, columns).reshape(right.shape)
 
     def close(self) -> None:

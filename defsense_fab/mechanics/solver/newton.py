@@ -253,11 +253,8 @@ class System:
                 if new is None or (is_reused and not new.residual < now.residual):
                     break
                 reduction = new.residual / now.residual
-                is_fast = (
-                    reduction < 1 / REUSE_REDUCTION
-                    or reduction < 1
-                    and new.residual * reduction**MAX_LAST_STEPS < tolerance
-                )
+                last = new.residual * reduction**MAX_LAST_STEPS if reduction < 1 else np.inf
+                is_fast = reduction < 1 / REUSE_REDUCTION or last < tolerance
                 now, is_reused = new, True
                 if now.is_balanced(tolerance) or not is_fast:
                     break
