@@ -303,4 +303,6 @@ def cluster_solver(
 
 def _solve_job(job: Job, shared: tuple[TetMesh, Material]) -> list[Equilibrium]:
     mesh, material = shared
-    return solve_all(QuadraticMesh.from_linear(mesh), material, [job], stop_if_cancelled())[0]
+    quadratic = QuadraticMesh.from_linear(mesh)
+    # A worker has a thread for each task; other threads and workers use the other cores.
+    return solve_all(quadratic, material, [job], stop_if_cancelled(), threads=1)[0]
