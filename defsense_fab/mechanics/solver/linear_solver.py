@@ -25,7 +25,7 @@ from ...core.errors import SolveError
 #: Unknowns of a matrix from which it is factored in single precision, and the solve corrected.
 MIN_SINGLE_UNKNOWNS = 60_000  # about 13,000 tets
 #: Relative residuals of a solve, and of the solve that looks for directions of negative curvature.
-SOLVE_RTOL, PROBE_RTOL = 1e-12, 1e-6
+SOLVE_RTOL, PROBE_RTOL = 1e-12, 1e-4
 MAX_GRADIENT_STEPS = 40  # usually 2 to 6
 
 
