@@ -19,11 +19,10 @@ from defsense_fab.mechanics.loading.boundary_conditions import (
     rest_state,
 )
 from defsense_fab.mechanics.loading.loads import Loads
-from defsense_fab.mechanics.solver import load_stepping, newton
+from defsense_fab.mechanics.solver import linear_solver, load_stepping, newton
 from defsense_fab.mechanics.solver.batch import Job, solve_all
 from defsense_fab.mechanics.solver.convergence_aids import find_stuck_patch
 from defsense_fab.mechanics.solver.fields import check_field
-from defsense_fab.mechanics.solver import linear_solver
 from defsense_fab.mechanics.solver.linear_solver import (
     NotPositiveDefinite,
     Pardiso,
