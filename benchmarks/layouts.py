@@ -21,7 +21,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from benchmarks import joint
-from defsense_fab.core.curve import sample_path
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom, sample_path
+from defsense_fab.core.device.device import Sensor
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.decoding.ridge import fit_ridge
 from defsense_fab.optimization.limits.constraints import Constraints
@@ -342,6 +343,56 @@ def growth(problem: Problem) -> None:
         f = Objective(p, three(p))
         x = np.zeros(sum(c.size for c in f.cords))
         print(f"  {len(mesh.tets):6d} tets: {1e3 * median(lambda f=f, x=x: f(x), 50):7.3f} ms")
+
+
+def large_layouts() -> None:
+    """Print the cost of layouts of up to 40 cords and 60 states, in a body 300 mm wide."""
+    from tests.conftest import box_surface, structured_bar
+    from tests.optimization import exact
+
+    low, high = [0, -150, -15], [150, 150, 15]
+    mesh, surface = structured_bar(low, high, (15, 30, 3)), box_surface(low, high)
+    print(f"value and gradient, and a descent of 10 iterations, {len(mesh.tets)} tets")
+    times: dict[str, list[tuple[int, float, float]]] = {"cords": [], "states": []}
+    for cords, states in ((5, 60), (10, 60), (20, 60), (40, 15), (40, 30), (40, 60)):
+        loads = [
+            (bend, twist) for bend in np.linspace(-1, 1, states // 3) for twist in (0.2, 0.6, 1.0)
+        ]
+        problem = exact.problem(surface, mesh, loads, noise=0.002)
+        layout = _straight_cords(cords)
+        f = Objective(problem, [CordParameters(s) for s in layout])
+        x = np.zeros(sum(c.size for c in f.cords))
+        value = median(lambda f=f, x=x: f(x), 10)
+        started = time.process_time()
+        descend(problem, layout, 10, 1e-6, ThinParts(problem), quiet)
+        used = time.process_time() - started
+        print(
+            f"  {cords} cords, {states} states: {1e3 * value:.1f} ms, {used:.1f} CPU s", flush=True
+        )
+        if states == 60:
+            times["cords"].append((cords, value, used))
+        if cords == 40:
+            times["states"].append((states, value, used))
+    for name, rows in times.items():
+        count, *costs = np.log(np.array(rows)).T
+        orders = [np.polyfit(count, cost, 1)[0] for cost in costs]
+        print(f"  orders in the number of {name}: value {orders[0]:.2f}, descent {orders[1]:.2f}")
+
+
+def _straight_cords(count: int) -> tuple[Sensor, ...]:
+    """Return cords along a body 300 mm wide, at three heights in turn."""
+    points = np.array([[x, 0.0] for x in (2, 10, 36, 62, 88, 114, 140, 148)])
+    curve, free = Hermite(points, catmull_rom(points)), frozenset({"path", "plane"})
+    up, along = np.array([0, 0, 1.0]), np.array([1.0, 0, 0])
+    return tuple(
+        Sensor(
+            f"cord {i}",
+            Plane.from_normal(np.array([0, y, 4.0 * (i % 3 - 1)]), up, along),
+            curve,
+            free,
+        )
+        for i, y in enumerate(np.linspace(-140, 140, count))
+    )
 
 
 def main() -> None:

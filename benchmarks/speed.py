@@ -2,6 +2,7 @@
 
     python -m benchmarks.speed                    # all parts, about 15 minutes on 2 cores
     python -m benchmarks.speed peers --repeat 3
+    python -m benchmarks.speed growth --before OTHER_CHECKOUT
     PEER_PYTHON=/path/to/python python -m benchmarks.speed peers    # Python of FElupe and NGSolve
 
 The body is a bar of 150 x 30 x 15 mm, held at both ends. Times are medians after a warm-up. Peers
@@ -13,6 +14,7 @@ meshes have equal errors, which the table shows against a finer mesh.
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import time
@@ -20,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks import agreement
+from benchmarks import agreement, layouts
 from benchmarks.robustness import material
 from defsense_fab.mechanics.elements import tet10
 from defsense_fab.mechanics.elements.point_location import PointLocator
@@ -31,6 +33,7 @@ from defsense_fab.mechanics.loading.boundary_conditions import (
     RigidHandle,
     rest_state,
 )
+from defsense_fab.mechanics.solver.batch import Job, solve_all
 from defsense_fab.mechanics.solver.interactive import InteractiveSolver
 from defsense_fab.mechanics.solver.load_stepping import Stepping, follow
 from defsense_fab.mechanics.solver.newton import System
@@ -238,55 +241,68 @@ def points(repeat: int) -> None:
     )
 
 
-def growth(picture: Path) -> None:
-    """Measure time and peak memory from 2,000 to 50,000 tets, in separate processes."""
+def growth(before: Path | None) -> None:
+    """Print cost against size with fitted orders: sizes of meshes, numbers of poses, layouts.
+
+    Sizes are solved in separate processes, also by the code in the folder `before`, in turns.
+    """
+    print("from rest to 90 degrees of bend, CPU s of all threads; s on the clock")
     rows = []
     for size in (2_000, 4_000, 8_000, 16_000, 30_000, 50_000):
-        ended = subprocess.run(
-            [sys.executable, "-m", "benchmarks.speed", "one", "--size", str(size)],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        rows.append([float(v) for v in ended.stdout.split()])
-        tets, dof, seconds, memory = rows[-1]
-        print(
-            f"  {tets:6.0f} tets, {dof:7.0f} unknowns: {seconds:6.2f} s, {memory:5.2f} GB",
-            flush=True,
-        )
-    import matplotlib
-
-    matplotlib.use("agg")
-    import matplotlib.pyplot as plt
-
+        rows.append(_solve_size(size, Path.cwd()))
+        tets, dof, seconds, used, memory = rows[-1]
+        line = f"  {tets:6.0f} tets, {dof:7.0f} unknowns: {used:6.2f} CPU s, {seconds:6.2f} s"
+        line += f", {memory:5.2f} GB"
+        if before is not None:
+            _, _, clock, theirs, _ = _solve_size(size, before)
+            line += f"; before {theirs:6.2f} CPU s, {clock:6.2f} s, {theirs / used:.2f} times"
+        print(line, flush=True)
     table = np.array(rows)
-    orders = [np.polyfit(np.log(table[:, 0]), np.log(table[:, k]), 1)[0] for k in (2, 3)]
-    figure, both = plt.subplots(1, 2, figsize=(10, 4))
-    for axis, k, name, order in zip(
-        both, (2, 3), ("time, s", "peak memory, GB"), orders, strict=True
-    ):
-        axis.loglog(table[:, 0], table[:, k], "o-")
-        axis.set(xlabel="quadratic tets", ylabel=name, title=f"order {order:.2f}")
-        axis.set_xticks([2000, 5000, 10000, 20000, 50000], ["2k", "5k", "10k", "20k", "50k"])
-        axis.minorticks_off()
-        axis.grid(True, alpha=0.3)
-    figure.suptitle("from rest to 90 degrees of bend")
-    figure.tight_layout()
-    figure.savefig(picture, dpi=110)
-    print(f"  orders: time {orders[0]:.2f}, memory {orders[1]:.2f}; picture: {picture}")
+    orders = [order(table[:, 0], table[:, k]) for k in (3, 4)]
+    print(f"  orders: CPU time {orders[0]:.2f}, memory {orders[1]:.2f}")
+    mesh, times, counts = bar(TETS), [], (5, 10, 20)
+    for count in counts:
+        turns = np.linspace(10, 60, count)
+        jobs = [Job(pose(mesh, [0, -np.radians(t), 0]), (0.5, 1.0)) for t in turns]
+        started = time.process_time()
+        solve_all(mesh, material(0.45), jobs)
+        times.append(time.process_time() - started)
+        print(f"  {count} poses of {len(mesh.cells)} tets: {times[-1]:.2f} CPU s", flush=True)
+    print(f"  order in the number of poses: {order(counts, times):.2f}")
+    layouts.large_layouts()
+
+
+def order(sizes, costs) -> float:
+    """Return the fitted exponent of the growth of costs with sizes."""
+    return float(np.polyfit(np.log(sizes), np.log(costs), 1)[0])
+
+
+def _solve_size(size: int, root: Path) -> list[float]:
+    """Return what `one` prints, of the code in a folder."""
+    ended = subprocess.run(
+        [sys.executable, str(Path(__file__).resolve()), "one", "--size", str(size)],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": str(root)},
+    )
+    return [float(v) for v in ended.stdout.split()]
 
 
 def one(size: int) -> None:
-    """Print tets, unknowns, seconds, and the peak memory of the process in GB, for one size."""
+    """Print tets, unknowns, seconds, CPU s, and the peak memory of the process in GB."""
     small = bar(600)
-    from_rest(small, material(0.45), pose(small, POSES["bend 90"]))  # compiles
+    from_rest(small, material(0.45), pose(small, POSES["bend 90"]))  # loads the libraries
     mesh = bar(size)
     goal = pose(mesh, POSES["bend 90"])
+    started = time.process_time()
     _, seconds = from_rest(mesh, material(0.45), goal)
+    used = time.process_time() - started
     # Not ru_maxrss, which starts from that of the process that started this one.
     status = Path("/proc/self/status").read_text()
     peak = int(status.split("VmHWM:")[1].split()[0]) / 2**20
-    print(len(mesh.cells), 3 * len(mesh.nodes), seconds, peak)
+    print(len(mesh.cells), 3 * len(mesh.nodes), seconds, used, peak)
 
 
 def main() -> None:
@@ -295,7 +311,7 @@ def main() -> None:
     parser.add_argument("part", nargs="*", help=f"of {', '.join(parts[:-1])}; all if none is named")
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--size", type=int, default=2000)
-    parser.add_argument("--picture", type=Path, default=Path("growth.png"))
+    parser.add_argument("--before", type=Path, help="another checkout to compare growth with")
     options = parser.parse_args()
     for part in options.part or parts[:-1]:
         {
@@ -303,7 +319,7 @@ def main() -> None:
             "iteration": parts_of_an_iteration,
             "edits": lambda: edits(options.repeat),
             "points": lambda: points(options.repeat),
-            "growth": lambda: growth(options.picture),
+            "growth": lambda: growth(options.before),
             "one": lambda: one(options.size),
         }[part]()
 

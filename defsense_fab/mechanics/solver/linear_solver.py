@@ -22,6 +22,12 @@ import scipy.sparse.linalg as spl
 from ...core.arrays import Float
 from ...core.errors import SolveError
 
+#: Unknowns of a matrix from which it is factored in single precision, and the solve corrected.
+MIN_SINGLE_UNKNOWNS = 60_000  # about 13,000 tets
+#: Relative residuals of a solve, and of the solve that looks for directions of negative curvature.
+SOLVE_RTOL, PROBE_RTOL = 1e-12, 1e-4
+MAX_GRADIENT_STEPS = 40  # usually 2 to 6
+
 
 class NotPositiveDefinite(Exception):
     """The Cholesky factorisation met a pivot that is not positive."""
@@ -43,8 +49,13 @@ class SymmetricSolver(Protocol):
             NotPositiveDefinite: If the matrix is not positive definite.
         """
 
-    def solve(self, right: Float) -> Float:
-        """Return x (n,) or (n, k) with A x = right."""
+    def solve(self, right: Float, rtol: float = SOLVE_RTOL) -> Float:
+        """Return x (n,) or (n, k) with A x = right.
+
+        Args:
+            right: Right-hand sides (n,) or (n, k).
+            rtol: Relative residual that suffices; direct solvers ignore it.
+        """
 
     def close(self) -> None:
         """Release the factor's memory."""
@@ -109,22 +120,22 @@ def _pypardiso_solver() -> Any:
             os.environ.pop("PYPARDISO_MKL_RT", None)
 
 
-class Pardiso:
-    """Cholesky factorization by MKL Pardiso.
+class _PardisoHandle:
+    """Cholesky factorizations by MKL Pardiso in one precision.
 
     The analysis runs once; afterwards only phases 22 (factor) and 33 (solve) run.
     """
 
-    name = "MKL Pardiso"
-
-    def __init__(self, threads: int = 1) -> None:
+    def __init__(self, threads: int, is_single: bool = False) -> None:
         self._solver: Any = copy.copy(_pypardiso_solver())
         for name in ("pt", "iparm", "perm"):  # must not be shared between solvers
             setattr(self._solver, name, getattr(self._solver, name).copy())
         self._solver.set_iparm(1, 1)
         self._solver.set_iparm(2, 2)  # nested dissection
         self._solver.set_iparm(24, 1)  # two-level parallel factorization
+        self._solver.set_iparm(28, int(is_single))
         self._threads = threads
+        self._dtype = np.float32 if is_single else np.float64
         self._matrix: Any = None
 
     def _call(self, phase: int, right: Float) -> Float:
@@ -145,16 +156,113 @@ class Pardiso:
     def factor(self, upper: Any) -> None:
         first = self._matrix is None
         self._matrix = upper
-        self._call(12 if first else 22, np.zeros((upper.shape[0], 1)))
+        self._call(12 if first else 22, np.zeros((upper.shape[0], 1), self._dtype))
 
     def solve(self, right: Float) -> Float:
-        columns = np.asfortranarray(right.reshape(len(right), -1))
+        columns: Any = np.asfortranarray(right.reshape(len(right), -1), self._dtype)
         return self._call(33, columns).reshape(right.shape)
 
     def close(self) -> None:
         if self._matrix is not None:  # Pardiso fails if nothing was analyzed
             self._solver.free_memory(everything=True)
             self._matrix = None
+
+
+class Pardiso:
+    """Cholesky factorization by MKL Pardiso.
+
+    A matrix of at least `MIN_SINGLE_UNKNOWNS` is scaled to a unit diagonal and factored in single
+    precision, in 0.6 of the time and half of the memory. Conjugate gradients in double precision,
+    with this factorization as the preconditioner, solve as exactly as a factorization in double
+    precision. That takes over where they do not converge or meet a direction of negative curvature.
+
+    References:
+        Buttari et al. 2008, "Using Mixed Precision for Sparse Matrix Computations to Enhance the
+        Performance while Achieving 64-bit Accuracy".
+    """
+
+    name = "MKL Pardiso"
+
+    def __init__(self, threads: int = 1) -> None:
+        self._single = _PardisoHandle(threads, is_single=True)
+        self._double = _PardisoHandle(threads)
+        self._matrix: Any = None
+        self._scale: Float | None = None  # of a matrix that is factored in single precision
+
+    def factor(self, upper: Any) -> None:
+        self._matrix, self._scale = upper, None
+        if upper.shape[0] >= MIN_SINGLE_UNKNOWNS:
+            self._factor_in_single()
+        if self._scale is None:
+            self._double.factor(upper)
+
+    def _factor_in_single(self) -> None:
+        """Factor in single precision, and forget it if the matrix may not be positive definite."""
+        diagonal = self._matrix.diagonal()
+        if not (np.isfinite(diagonal) & (diagonal > 0)).all():
+            return
+        scale = 1 / np.sqrt(diagonal)
+        rows = np.repeat(scale, np.diff(self._matrix.indptr))
+        values = (self._matrix.data * rows * scale[self._matrix.indices]).astype(np.float32)
+        scaled = sp.csr_matrix(
+            (values, self._matrix.indices, self._matrix.indptr), shape=self._matrix.shape
+        )
+        try:
+            self._single.factor(scaled)
+        except NotPositiveDefinite:
+            return
+        self._scale = scale
+        probe = np.random.default_rng(0).normal(size=len(scale)) / scale
+        if self._conjugate_gradients(probe, PROBE_RTOL) is None:
+            self._scale = None
+
+    def solve(self, right: Float, rtol: float = SOLVE_RTOL) -> Float:
+        if self._scale is not None:
+            columns = right.reshape(len(right), -1)
+            solved = [self._conjugate_gradients(column, rtol) for column in columns.T]
+            found = [column for column in solved if column is not None]
+            if len(found) == len(solved):
+                return np.stack(found, axis=1).reshape(right.shape)
+            self._scale = None
+            self._double.factor(self._matrix)
+        return self._double.solve(right)
+
+    def _conjugate_gradients(self, right: Float, rtol: float) -> Float | None:
+        """Return x (n,) with A x = right (n,), or None without convergence or with x A x < 0.
+
+        Args:
+            right: The right-hand side.
+            rtol: Relative error in the energy norm.
+        """
+        upper, scale = self._matrix, self._scale
+        diagonal, lower = upper.diagonal(), upper.T
+        assert scale is not None
+        x, residual = np.zeros_like(right), right.copy()
+        direction, before, first = np.zeros_like(right), 1.0, 0.0
+        for step in range(MAX_GRADIENT_STEPS):
+            correction = scale * self._single.solve(scale * residual)
+            # The square of the error's energy norm, which also weighs the softest deformations.
+            product = float(residual @ correction)
+            if not step:
+                first = product
+            if product <= rtol**2 * first:
+                return x + correction
+            if not product > 0 or not np.isfinite(product):
+                return None
+            direction = correction + product / before * direction
+            before = product
+            image = upper @ direction + lower @ direction - diagonal * direction
+            curvature = float(direction @ image)
+            if not curvature > 0:
+                return None
+            x += product / curvature * direction
+            residual -= product / curvature * image
+        return None
+
+    def close(self) -> None:
+        self._single.close()
+        self._double.close()
+        self._matrix = self._scale = None
 
 
 class Rslab:
@@ -185,7 +293,7 @@ class Rslab:
             raise NotPositiveDefinite
         self._factor = factor
 
-    def solve(self, right: Float) -> Float:
+    def solve(self, right: Float, rtol: float = SOLVE_RTOL) -> Float:  # noqa: ARG002 - exact
         if right.ndim == 1:
             return np.asarray(self._factor.solve(np.ascontiguousarray(right, float)))
         return np.asarray(self._factor.solve_many(np.ascontiguousarray(right, float)))
@@ -222,7 +330,7 @@ class SuperLU:
             self._order = np.argsort(factor.perm_c)
         self._factor, self._is_ordered = factor, has_order
 
-    def solve(self, right: Float) -> Float:
+    def solve(self, right: Float, rtol: float = SOLVE_RTOL) -> Float:  # noqa: ARG002 - exact
         if not self._is_ordered:
             return np.asarray(self._factor.solve(right))
         x = np.empty_like(right, dtype=float)

@@ -85,8 +85,12 @@ class Objective:
         n, m = S.shape
         phi, bend = self._features(S), self._features.slopes(S)
         A, B = phi - phi.mean(0), self._outputs
-        A = np.concatenate([A, self._noise * bend.transpose(0, 2, 1).reshape(n * m, -1)])
-        B = np.concatenate([B, np.zeros((n * m, B.shape[1]))])
+        if self._bent:
+            noise = self._noise * bend.transpose(0, 2, 1).reshape(n * m, -1)
+        else:  # the slopes of all samples are equal, and so are their rows
+            noise = np.sqrt(n) * self._noise * bend[0].T
+        A = np.concatenate([A, noise])
+        B = np.concatenate([B, np.zeros((len(noise), B.shape[1]))])
         Q, R = np.linalg.qr(A)
         beta = np.linalg.lstsq(R, Q.T @ B, rcond=1e-12)[0]
         residual = A @ beta - B

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -143,6 +144,10 @@ class Problem:
                 code="nothing-to-sense",
                 action="Give [[poses]] that move the body, or other [outputs] markers",
             )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled: the fields alone, since computed tables are large."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def with_decoder(self, kind: str) -> Problem:
         """Return the same problem for another decoder, sharing what is already computed."""

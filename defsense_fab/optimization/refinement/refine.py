@@ -6,8 +6,10 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from ...core.arrays import Float
 from ...core.curve import distinct_planes, sample_path
@@ -39,6 +41,7 @@ from .sqp import minimize
 LayoutCallback = Callable[[Layout, float], None]
 
 _SHORT_ITERATIONS, _LONG_ITERATIONS = 15, 40  # of the first descents, and of the final ones
+MIN_SPARSE_SIZE = 150  # parameters of all cords from which sparse products are faster
 _FINISH_ROUNDS = 3  # descents in a row that finish a layout, at most
 _SHORT_TOLERANCE, _FINISH_TOLERANCE = 1e-3, 2e-4  # smallest relative gain per iteration
 _CONVERGENCE_RTOL = 2e-3  # relative gain of a descent below which a layout is finished
@@ -258,21 +261,25 @@ class _LayoutProgram:
 
     def __init__(self, problem: Problem, layout: Layout, slivers: ThinParts) -> None:
         self._layout, self._slivers = layout, slivers
-        self._cords, self._spread = shared_parameters(layout)
-        self.size = self._spread.shape[1]
+        self._cords, spread = shared_parameters(layout)
+        # It has a single 1 in each row; on few parameters dense products are faster.
+        self._spread: Any = sp.csr_array(spread) if len(spread) > MIN_SPARSE_SIZE else spread
+        self.size = spread.shape[1]
         self._objective = Objective(problem, self._cords)
         self._constraints = Constraints(problem.surface, problem.depth, problem.limits, self._cords)
         self._is_guarded = not slivers(layout)
 
     def model(self, y: Float) -> QuadraticModel:
-        spread, at = self._spread, self._objective.model(self._spread @ y)
-        return QuadraticModel(at.value, at.gradient @ spread, spread.T @ at.hessian @ spread)
+        by, at = self._spread.T, self._objective.model(self._spread @ y)
+        return QuadraticModel(at.value, by @ at.gradient, by @ (by @ at.hessian).T)
 
     def value(self, y: Float) -> float:
         return self._objective.value(self._spread @ y)
 
     def inequalities(self, y: Float) -> tuple[Float, Float]:
         room, rows = self._constraints(self._spread @ y)
+        if sp.issparse(self._spread):
+            return room, (sp.csr_array(rows) @ self._spread).toarray()
         return room, rows @ self._spread
 
     def guard(self, y: Float, trial: Float) -> tuple[Float, Float] | None:

@@ -24,7 +24,7 @@ from ...core.storage.files import file_lock, storage_errors, write_json
 from ...store.build import Build
 from ...store.layout import LAYOUT, load_layout, name_layout
 from . import body_sources
-from .cluster import cluster_solver
+from .cluster import cluster_solver, cluster_tasks
 from .continued_layout import ASPECTS, find_earlier_layout, layout_aspects
 from .options import BuildOptions
 from .recorded_options import plates_record, recorded_options
@@ -123,12 +123,13 @@ def build(
             plan.update_options(final)
             return BuildResult(final, (), tuple(s.name for s in stages), Build(final))
         working.mkdir()
-        extra: dict[str, dict[str, Any]] = {"optimize": {}}
+        extra: dict[str, dict[str, Any]] = {_OPTIMIZE: {}}
         if options.scheduler is not None:
             solve = cluster_solver(options.scheduler, partial(progress, "simulate", 0.0))
-            extra["simulate"] = {"solve": solve}
+            map_tasks = cluster_tasks(options.scheduler, partial(progress, _OPTIMIZE, 0.0))
+            extra = {"simulate": {"solve": solve}, _OPTIMIZE: {"map_tasks": map_tasks}}
         if watch is not None:
-            extra["optimize"]["watch"] = watch
+            extra[_OPTIMIZE]["watch"] = watch
         results = Build(working)
         try:
             made, reused = plan.run(results, (final, kept), progress, extra)

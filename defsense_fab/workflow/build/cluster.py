@@ -1,4 +1,4 @@
-"""Work on a Dask cluster: groups of runs of a study, and the poses of a device.
+"""Work on a Dask cluster: groups of runs of a study; poses and searches of a build.
 
 Everything that Dask sends is pickled: the scheduler and its workers are trusted.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import platform
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, wait
 from contextlib import contextmanager
@@ -205,6 +206,68 @@ def _first_line(error: Exception) -> str:
     return str(error).splitlines()[0][:120] if str(error) else type(error).__name__
 
 
+def cancellation_check() -> Callable[[], bool]:
+    """Return a function that tells whether the present task of a worker is not needed any more.
+
+    Dask does not stop a running task whose client has cancelled it or ended. Elsewhere than on a
+    worker the function always returns False; it may be called from any thread.
+    """
+    distributed = sys.modules.get("distributed")  # not imported: no worker
+    try:
+        worker = distributed.get_worker() if distributed else None
+    except ValueError:
+        worker = None
+    if worker is None:
+        return lambda: False
+    key = worker.get_current_task()
+
+    def is_cancelled() -> bool:
+        task = worker.state.tasks.get(key)
+        return task is None or task.state == "cancelled"
+
+    return is_cancelled
+
+
+def stop_if_cancelled() -> Callable[..., None]:
+    """Return a function of anything that raises an error once the present task is not needed."""
+    is_cancelled = cancellation_check()
+
+    def check(*_: object) -> None:
+        if is_cancelled():
+            raise StudyError("cancelled", code="cancelled")
+
+    return check
+
+
+def cluster_tasks(
+    address: str, note: Callable[[str], None]
+) -> Callable[[Callable[..., Any], Sequence[Any], Any], Iterator[tuple[int, Any]]]:
+    """Return a function that calls a function for each task on a cluster.
+
+    It takes and yields what `map_on_cluster` does, without the client. Each task has a `name`. One
+    during which several workers died raises its StudyError.
+
+    Args:
+        address: Address of the scheduler.
+        note: Called with a message.
+    """
+
+    def run(
+        function: Callable[..., Any], tasks: Sequence[Any], shared: Any
+    ) -> Iterator[tuple[int, Any]]:
+        note(f"connecting to {address}")
+        with connect(address) as client:
+            workers = count_threads(client)
+            note(f"{len(tasks)} tasks on {workers} thread{'s' if workers > 1 else ''} of workers")
+            for i, result in map_on_cluster(client, function, tasks, shared):
+                if isinstance(result, StudyError):
+                    result.where = tasks[i].name
+                    raise result
+                yield i, result
+
+    return run
+
+
 def cluster_solver(
     address: str, note: Callable[[str], None]
 ) -> Callable[..., list[list[Equilibrium]]]:
@@ -214,6 +277,7 @@ def cluster_solver(
         address: Address of the scheduler.
         note: Called with a message.
     """
+    run = cluster_tasks(address, note)
 
     def solve(
         mesh: QuadraticMesh,
@@ -226,17 +290,12 @@ def cluster_solver(
         tets = mesh.cells[:, :4]
         shared = TetMesh(mesh.nodes[: int(tets.max()) + 1], np.ascontiguousarray(tets)), material
         results: list[list[Equilibrium]] = [[] for _ in jobs]
-        note(f"connecting to {address}")
-        with connect(address) as client:
-            for i, result in map_on_cluster(client, _solve_job, jobs, shared):
-                if isinstance(result, StudyError):
-                    result.where = jobs[i].name
-                    raise result
-                results[i] = result
-                if on_solved is not None:
-                    on_solved(i, result)
-                if on_step is not None:
-                    on_step(i, 1.0)
+        for i, result in run(_solve_job, jobs, shared):
+            results[i] = result
+            if on_solved is not None:
+                on_solved(i, result)
+            if on_step is not None:
+                on_step(i, 1.0)
         return results
 
     return solve
@@ -244,4 +303,6 @@ def cluster_solver(
 
 def _solve_job(job: Job, shared: tuple[TetMesh, Material]) -> list[Equilibrium]:
     mesh, material = shared
-    return solve_all(QuadraticMesh.from_linear(mesh), material, [job])[0]
+    quadratic = QuadraticMesh.from_linear(mesh)
+    # A worker has a thread for each task; other threads and workers use the other cores.
+    return solve_all(quadratic, material, [job], stop_if_cancelled(), threads=1)[0]

@@ -23,8 +23,8 @@ class BuildOptions:
         copies: Set the number of devices on the plates (default: [fabrication] copies).
         bed: Set the width, depth and height of the printer's bed in mm, such as 220,220,250
             (default: [fabrication] bed).
-        scheduler: Solve the poses on a Dask cluster with this scheduler address, such as
-            tcp://HOST:8786 (default: solve them on this machine).
+        scheduler: Solve the poses and search for cords on a Dask cluster with this scheduler
+            address, such as tcp://HOST:8786 (default: on this machine).
         search: Search for the cords again where an earlier layout was kept or improved after an
             edit (default: continue from it).
     """

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -26,11 +25,10 @@ from ...optimization.refinement.refine import (
     OptimizedLayout,
     evaluate_unchanged,
     improve_layout,
-    optimize_layout,
     require_drawing,
 )
 from ...optimization.search.plane_directions import face_directions
-from ...optimization.search.starting_layouts import FREE, Layout, LayoutSearch
+from ...optimization.search.starting_layouts import FREE
 from ...optimization.studies.risks import check_cord_count, find_risks
 from ...sensing.built_cord import BuiltCord
 from ...sensing.response import mean_strain, segment_strain_range
@@ -48,7 +46,8 @@ from ...store.layout import (
 )
 from ..design.session_shares import session_shares
 from .continued_layout import EarlierLayout
-from .stages import Report, SearchProgress, Watch
+from .layout_searches import MapTasks, Search, SearchObserver, SearchRunner
+from .stages import Report, Watch
 
 # The fewer the cords, the less time a search takes, and the more its random choices matter.
 _CORD_SEARCHES = 15  # searches times cords
@@ -78,6 +77,7 @@ def run(
     report: Report,
     watch: Watch | None = None,
     earlier: EarlierLayout | None = None,
+    map_tasks: MapTasks | None = None,
 ) -> Winner | None:
     """Find the layout, and save it with its prediction.
 
@@ -87,6 +87,7 @@ def run(
         report: Receives the completed fraction and a message.
         watch: Receives the layouts that the searches reach.
         earlier: A layout to continue from; None to search.
+        map_tasks: Runs the searches on a cluster; None for this machine.
 
     Returns:
         The parts of the chosen layout; None if no layout can be made.
@@ -94,7 +95,7 @@ def run(
     Raises:
         LayoutError: No layout keeps the limits.
     """
-    observer = _SearchObserver(build.folder, watch)
+    observer = SearchObserver(build.folder, watch)
     task = load_task(device, build)
 
     def choose(
@@ -112,8 +113,9 @@ def run(
             task, trials = (task, None) if chosen.problem else (start, trials)
     if trials is None:
         how = ""
-        task, first = _search_decoders(device, task, subrange(report, 0.0, 0.4), observer)
-        found = _search_alternatives(device, task, first, subrange(report, 0.4, 0.8), observer)
+        runner = SearchRunner(device, task.design, observer, map_tasks)
+        task, first = _search_decoders(device, task, subrange(report, 0.0, 0.4), runner)
+        found = _search_alternatives(device, task, first, subrange(report, 0.4, 0.8), runner)
         chosen, trials = choose(task, found)
     build.layout = replace(_layout_record(device, build, task, chosen, trials), continued=how)
     build.prediction = PredictionRecord(
@@ -138,7 +140,7 @@ def _continue(
     task: DesignTask,
     earlier: EarlierLayout,
     report: Report,
-    observer: _SearchObserver,
+    observer: SearchObserver,
 ) -> tuple[str, OptimizedLayout | None]:
     """Keep an earlier layout, or improve it.
 
@@ -211,18 +213,21 @@ def require_feasible_layout(device: Device, layout: LayoutRecord) -> None:
 
 
 def _search_decoders(
-    device: Device, task: DesignTask, report: Report, observer: _SearchObserver
+    device: Device, task: DesignTask, report: Report, runner: SearchRunner
 ) -> tuple[DesignTask, OptimizedLayout]:
     """Return the task with the decoder that does best on unseen states, and its layout."""
     kinds = candidate_decoders(device, task)
+    # Decoders with the same features have the same design objective.
+    designs = {FEATURES[kind]: kind for kind in reversed(kinds)}
+    searches = [Search(kind, 0, device.planes) for kind in kinds if kind in designs.values()]
+    layouts = dict(zip((s.decoder for s in searches), runner.run(searches, report), strict=True))
     found: dict[str, tuple[float, OptimizedLayout]] = {}
-    for n, kind in enumerate(kinds):
-        task = task.with_decoder(kind)
-        # Decoders with the same features have the same design objective.
-        same = next((k for k in found if FEATURES[k] is FEATURES[kind]), None)
-        show = subrange(report, n / len(kinds), (n + 1) / len(kinds))
-        layout = found[same][1] if same else _search(device, task, 0, device.planes, show, observer)
-        scored = predict(task, assumed_cords(task, layout.sensors))
+    for kind in kinds:
+        layout = layouts[designs[FEATURES[kind]]]
+        if isinstance(layout, LayoutError):
+            raise layout
+        decoded = task.with_decoder(kind)
+        scored = predict(decoded, assumed_cords(decoded, layout.sensors))
         found[kind] = (scored.prediction.unseen, layout)
     best = min(found, key=lambda k: found[k][0])
     return task.with_decoder(best), found[best][1]
@@ -297,42 +302,9 @@ def as_stored(found: OptimizedLayout) -> OptimizedLayout:
     return replace(found, sensors=tuple(cords))
 
 
-class _SearchObserver:
-    """Callbacks of a search for the best layout so far and every step; None without `watch`."""
-
-    def __init__(self, folder: Path, watch: Watch | None) -> None:
-        self.kept = None if watch is None else self._callback(folder, watch, kept=True)
-        self.passed = None if watch is None else self._callback(folder, watch, kept=False)
-
-    @staticmethod
-    def _callback(folder: Path, watch: Watch, *, kept: bool) -> Callable[[Layout, float], None]:
-        return lambda layout, rmse: watch(SearchProgress(folder, tuple(layout), rmse, kept))
-
-
 def default_searches(cords: int) -> int:
     """Return the default number of searches with different seeds, for a number of cords."""
     return max(_CORD_SEARCHES // cords, _MIN_SEARCHES)
-
-
-def _search(
-    device: Device,
-    task: DesignTask,
-    seed: int,
-    planes: int | None,
-    report: Report,
-    observer: _SearchObserver,
-    normals: Float | None = None,
-) -> OptimizedLayout:
-    rng = np.random.default_rng((device.seed, seed))
-    return optimize_layout(
-        task.design,
-        device.sensors,
-        rng,
-        report,
-        LayoutSearch(extra=device.propose, planes=planes, normals=normals),
-        watch=observer.kept,
-        follow=observer.passed,
-    )
 
 
 def _search_alternatives(
@@ -340,7 +312,7 @@ def _search_alternatives(
     task: DesignTask,
     first: OptimizedLayout,
     report: Report,
-    observer: _SearchObserver,
+    runner: SearchRunner,
 ) -> list[OptimizedLayout]:
     """Return the layout with its alternatives.
 
@@ -355,20 +327,17 @@ def _search_alternatives(
     fewer = range(1, len(distinct_planes([s.plane for s in first.sensors])))
     if not device.propose:  # without new cords, the planes are as many as those drawn
         fewer = fewer[len(distinct_planes([s.plane for s in device.sensors])) - 1 :][:1]
-    searches: list[tuple[int, int | None, Float | None]]  # seed, planes, normals
-    count = device.searches or default_searches(len(first.sensors))
-    searches = [(seed, device.planes, None) for seed in range(1, count)]
-    searches += [(0, n, None) for n in fewer if device.planes is None or n < device.planes]
+    count, kind = device.searches or default_searches(len(first.sensors)), task.design.decoder
+    searches = [Search(kind, seed, device.planes) for seed in range(1, count)]
+    searches += [Search(kind, 0, n) for n in fewer if device.planes is None or n < device.planes]
     has_free_planes = device.planes is None and any(s.free == FREE for s in device.sensors)
     if device.propose or has_free_planes:
-        searches.append((0, device.planes, face_directions(task.design.surface)))
+        searches.append(Search(kind, 0, device.planes, face_directions(task.design.surface)))
     if device.searches is not None:  # simple layouts first, as they are the likeliest to be made
         searches = searches[::-1][: device.searches - 1]
-    for k, (seed, planes, normals) in enumerate(searches):
-        show = subrange(report, k / len(searches), (k + 1) / len(searches))
-        with suppress(LayoutError):  # so few planes have no room for the cords
-            layouts.append(_search(device, task, seed, planes, show, observer, normals))
-    return layouts
+    found = runner.run(searches, report)
+    # Some have no room for the cords in so few planes.
+    return [*layouts, *(layout for layout in found if isinstance(layout, OptimizedLayout))]
 
 
 def _cord_records(

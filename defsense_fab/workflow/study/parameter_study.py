@@ -25,7 +25,7 @@ from ..changed_values import changed_text
 from .measures import describe_measure
 from .options import StudyOptions
 from .plan import Plan, Run, group_runs, plan_runs
-from .run_group import GroupTask, run_group
+from .run_group import GroupTask, run_group, run_on_worker
 from .run_log import FOLDER, RunLog, RunRecord
 from .study_file import Study, load_study
 
@@ -266,7 +266,7 @@ def _make_runs(
     progress("study", 0.0, f"connecting to {options.scheduler}")
     with connect(options.scheduler) as client:
         groups = group_runs(missing, count_threads(client), MAX_CLUSTER_GROUP)
-        for k, result in map_on_cluster(client, run_group, tasks(groups, None), plan.files):
+        for k, result in map_on_cluster(client, run_on_worker, tasks(groups, None), plan.files):
             if isinstance(result, StudyError):
                 result = [RunRecord(r.name, r.values, "broken", str(result)) for r in groups[k]]
             for record in result:

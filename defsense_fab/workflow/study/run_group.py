@@ -12,6 +12,7 @@ from pathlib import Path
 from ...core.errors import StudyError
 from ...core.machine.child_process import ChildFailure, ChildLimits, run_module
 from ...core.storage.files import storage_errors
+from ..build.cluster import cancellation_check
 from .plan import Run
 from .run_log import RunRecord, read_records
 from .run_process import DEVICE, DONE, RECORDS, TASK
@@ -101,6 +102,16 @@ def run_group(
                 run = remaining[0]
                 add(RunRecord(run.name, run.values, "broken", problem))
     return records
+
+
+def run_on_worker(task: GroupTask, files: Mapping[str, bytes]) -> list[RunRecord]:
+    """Make the runs of a group on a worker of a cluster, until the client cancels them.
+
+    Args:
+        task: The runs.
+        files: The device's files by path.
+    """
+    return run_group(task, files, is_stopped=cancellation_check())
 
 
 def _run_process(task: GroupTask, folder: Path, on_wait: Callable[[], None]) -> str:

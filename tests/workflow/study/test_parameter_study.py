@@ -3,6 +3,8 @@
 import csv
 import json
 import socket
+import threading
+import time
 
 import meshio
 import numpy as np
@@ -186,24 +188,56 @@ def test_cluster_gives_the_same_results_and_rejects_other_versions(
         monkeypatch.undo()
         check_complete(study(capsys, folder, *words))
         assert len(read_records(folder)) == 4
-        fields = []
+        builds = []
         for name, options in (("remote", words), ("local", [])):
             into = tmp_path_factory.mktemp(name)
             monkeypatch.setenv("DEFSENSE_CACHE", str(into / "cache"))
-            fields.append(solve_fields(folder, into, *options))
-        remote, local_fields = fields
+            builds.append(optimize(folder, into, *options))
+        (remote, remote_layout), (local_fields, layout) = builds
         assert len(local_fields) == 3  # the pose, its half, and a state that is held out
         for name, u in local_fields.items():
             np.testing.assert_array_equal(remote[name], u)
+        assert remote_layout == layout
+        check_cancelled_tasks_end(local.scheduler_address)
         local.scale(0)
 
 
-def solve_fields(source, folder, *words):
-    """Solve a pose and its half; return the displacements by file name."""
+def optimize(source, folder, *words):
+    """Solve a pose and its half, and search twice for a cord.
+
+    Returns:
+        The displacements by file name, and the layout's file.
+    """
     for name in ("box.stl", "device.toml"):
         (folder / name).write_bytes((source / name).read_bytes())
     with (folder / "device.toml").open("a") as file:
-        file.write("[states]\nramp = [0.5, 1.0]\n")
-    assert main(["simulate", str(folder), "--json", *words]) == 0
+        file.write("searches = 2\n[states]\nramp = [0.5, 1.0]\n")
+    assert main(["optimize", str(folder), "--json", *words]) == 0
     fields = (folder / "build" / "fields").glob("*.vtu")
-    return {f.name: meshio.read(f).point_data["displacement"] for f in fields}
+    layout = (folder / "build" / "layout.json").read_bytes()
+    return {f.name: meshio.read(f).point_data["displacement"] for f in fields}, layout
+
+
+def check_cancelled_tasks_end(address):
+    started, ended = threading.Event(), threading.Event()
+    _EVENTS[:] = [started, ended]
+    with cluster.connect(address) as client:
+        tasks = cluster.map_on_cluster(client, _wait_for_cancellation, [0, 1], None)
+        next(tasks)
+        assert started.wait(30)
+        tasks.close()
+        assert ended.wait(30)
+
+
+_EVENTS = []
+
+
+def _wait_for_cancellation(number, _):
+    """Return at once, or wait until the client cancels this task, in this process."""
+    if number:
+        started, ended = _EVENTS
+        is_cancelled = cluster.cancellation_check()
+        started.set()
+        while not is_cancelled():
+            time.sleep(0.01)
+        ended.set()
