@@ -126,7 +126,8 @@ def _options(
         if prisms is not None:
             inside, remainder = side.split(triangle_kernel.solid_of(prisms[s][0]))
             outside = [remainder]
-        touched, untouched = [], []
+        touched: list[Any] = []
+        untouched: list[Any] = []
         for candidate in inside.decompose():
             is_crumb = candidate.volume() <= MIN_PIECE_MM3
             (untouched if is_crumb or not runs_in(line, candidate) else touched).append(candidate)
