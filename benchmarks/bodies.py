@@ -130,7 +130,7 @@ def alone(folder: Path, mesher: str, scale: float) -> dict[str, Any]:
     surface, _, _ = read_mesh(file, scale, SIZE_RANGE_MM)
     edge = load_device(folder).mesh.edge_length
     size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
-    more: dict[str, Any] = {"points": np.zeros((0, 3)), "edges": []}
+    more: dict[str, Any] = {"grading": 0.3, "points": np.zeros((0, 3)), "edges": []}
     if mesher == "ftetwild":
         more = {"epsilon": min(1e-3, 0.02 * edge / size)}
     started_at = cpu()

@@ -29,7 +29,7 @@ from .cutting_tools import MIN_PIECE_MM3, Frustum, Prism, Tool, axes_from_normal
 #: Largest angle between neighboring facets of a curved face: 0.06 % of a circle's area.
 FACET_ANGLE_RAD = 0.06
 #: Number of facets above which curved faces get larger ones, up to this angle.
-MAX_FINE_FACETS, COARSE_FACET_ANGLE_RAD = 40_000, 0.12
+MAX_FINE_FACETS, COARSE_FACET_ANGLE_RAD = 24_000, 0.12
 #: Largest difference of the volume within the larger facets, as a share of the solid's: parts of
 #: both kernels may differ by 2e-3 (`exact_solids.PART_TOLERANCE`).
 MAX_FACET_LOSS = 1.5e-3

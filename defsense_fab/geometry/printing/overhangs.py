@@ -148,13 +148,22 @@ def _find_regions(surface: Surface, is_overhang: Bool) -> list[_Region]:
     edge_height = heights[ends].mean(axis=1)
     is_supported = (opposite < edge_height) | (edge_height < heights.min() + MIN_HEIGHT_MM)
 
-    regions = []
-    for region in np.unique(region_of_facet[is_overhang]):
-        facets = np.flatnonzero(is_overhang & (region_of_facet == region))
-        supported = ends[is_supported & (region_of_facet[own] == region)]
-        flat = surface.vertices[:, :2]
-        regions.append(_Region(facets, flat[surface.faces[facets]], flat[supported]))
-    return regions
+    facets, supported = np.flatnonzero(is_overhang), np.flatnonzero(is_supported)
+    regions, facet_groups = _group(region_of_facet[facets], facets)
+    groups = dict(zip(*_group(region_of_facet[own[supported]], supported), strict=True))
+    nothing = np.zeros(0, np.int64)
+    flat = surface.vertices[:, :2]
+    return [
+        _Region(group, flat[surface.faces[group]], flat[ends[groups.get(region, nothing)]])
+        for region, group in zip(regions, facet_groups, strict=True)
+    ]
+
+
+def _group(keys: Int, values: Int) -> tuple[list[int], list[Int]]:
+    """Return the sorted different keys, and the values (n,) of each in their order."""
+    order = np.argsort(keys, kind="stable")
+    unique, start = np.unique(keys[order], return_index=True)
+    return unique.tolist(), np.split(values[order], start[1:]) if len(unique) else []
 
 
 def _needs_supports(region: _Region) -> bool:

@@ -111,21 +111,24 @@ def _run_ftetwild(data: Mapping[str, Any]) -> tuple[Float, Int]:
 def _run_netgen(data: Mapping[str, Any]) -> tuple[Float, Int]:
     """Mesh vertices and faces with edges up to `edge_length` mm, and `edges` (k,) mm at `points`.
 
-    With `fill` the given triangles stay, and only their inside is meshed.
+    Edges grow from short to long ones at the rate `grading`. With `fill` the given triangles stay,
+    and only their inside is meshed.
     """
     from netgen.libngpy._meshing import NgException
     from netgen.stl import STLGeometry
 
     surface = Surface(data["vertices"], data["faces"])
-    _write_sizes(data["points"], data["edges"])
     max_edge = float(data["edge_length"])
     try:
         if "fill" in data:
             mesh = _fill_surface(surface, max_edge)
         else:
             _write_stl(surface)
+            _write_sizes(data["points"], data["edges"])
             geometry = STLGeometry(_NETGEN_STL)
-            mesh = geometry.GenerateMesh(maxh=max_edge, meshsizefilename=_NETGEN_SIZES)
+            mesh = geometry.GenerateMesh(
+                maxh=max_edge, grading=float(data["grading"]), meshsizefilename=_NETGEN_SIZES
+            )
         nodes = [p.p for p in mesh.Points()]
         tets = [[v.nr - 1 for v in e.vertices] for e in mesh.Elements3D()]
     except NgException as error:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ....core.arrays import Float
 from ....core.device.device import MeshSpec
 from ....core.errors import MeshingError
 from ....core.machine.child_process import OUT_OF_MEMORY
@@ -31,10 +32,30 @@ from .simplification import (
 )
 from .surface_remeshing import remesh_in_time, remesh_on_grid_in_time, simplify_in_time
 
-#: Netgen's largest edge for a mean edge of 1, and its smallest where the surface is curved.
-MAX_EDGE, MIN_EDGE = 0.8, 0.3
-#: Distance of facets from the surface above which edges get shorter there, in edges.
-MAX_GAP_EDGES = 0.03
+#: Netgen's smallest edge where the surface is curved, for a mean edge of 1.
+MIN_EDGE = 0.3
+
+
+@dataclass(frozen=True)
+class NetgenSizes:
+    """Sizes that Netgen gets for a mean edge of 1.
+
+    Attributes:
+        max_edge: Largest edge.
+        grading: Growth from short to long edges, from 0 (even) to 1.
+        max_gap: Distance of facets from the surface above which edges get shorter there.
+    """
+
+    max_edge: float
+    grading: float
+    max_gap: float
+
+
+#: Even tets; and sizes for bodies of which these are more than `MAX_EVEN_RATIO` times those that
+#: the edge length asks for: many short edges on small rounds, or sides of a little more than a
+#: whole number of edges.
+EVEN_SIZES, GRADED_SIZES = NetgenSizes(0.8, 0.3, 0.03), NetgenSizes(0.9, 0.5, 0.06)
+MAX_EVEN_RATIO = 1.25
 #: Allowed distance of a remeshed surface, and of one from a grid, from the body, in edges of the
 #: tets.
 REMESHED_TOLERANCE_EDGES, GRID_TOLERANCE_EDGES = 0.35, 0.6
@@ -156,15 +177,32 @@ def _mesh_surface(
     """Mesh the surface `given` with Netgen, which places its own triangles on it, and fit the mesh
     to the body's `surface`.
     """
-    task = {"edge_length": MAX_EDGE * edge_length, "points": np.zeros((0, 3)), "edges": []}
-    mesh = run_mesher(NETGEN, given, task, monitor)
+    sizes = EVEN_SIZES
+    mesh = _run_sized(given, edge_length, sizes, monitor)
+    if len(mesh.tets) > MAX_EVEN_RATIO * count_tets(surface, edge_length):
+        sizes = GRADED_SIZES
+        mesh = _run_sized(given, edge_length, sizes, monitor)
     middles, gaps = measure_facet_gaps(mesh, given)
-    is_wide = gaps > MAX_GAP_EDGES * edge_length
+    max_gap = sizes.max_gap * edge_length
+    is_wide = gaps > max_gap
     if is_wide.any():  # where facets cut corners, edges as short as that takes
-        shrink = np.maximum(np.sqrt(MAX_GAP_EDGES * edge_length / gaps[is_wide]), MIN_EDGE)
-        task |= {"points": middles[is_wide], "edges": shrink * MAX_EDGE * edge_length}
-        mesh = run_mesher(NETGEN, given, task, monitor)
+        shrink = np.maximum(np.sqrt(max_gap / gaps[is_wide]), MIN_EDGE)
+        shorter = shrink * sizes.max_edge * edge_length
+        mesh = _run_sized(given, edge_length, sizes, monitor, (middles[is_wide], shorter))
     return fit_boundary(mesh, surface)
+
+
+def _run_sized(
+    given: Surface,
+    edge_length: float,
+    sizes: NetgenSizes,
+    monitor: RunMonitor,
+    shorter: tuple[Float, Float] = (np.zeros((0, 3)), np.zeros(0)),
+) -> TetMesh:
+    """Run Netgen with its own triangles, and with `shorter` edges (k,) mm at points (k, 3)."""
+    points, edges = shorter
+    task = {"edge_length": sizes.max_edge * edge_length, "grading": sizes.grading}
+    return run_mesher(NETGEN, given, task | {"points": points, "edges": edges}, monitor)
 
 
 def _remeshing_method(
@@ -200,9 +238,7 @@ def _fill_remeshed(
             code="surface-too-far",
             distance=distance,
         )
-    no_sizes = {"points": np.zeros((0, 3)), "edges": []}
-    task = {"edge_length": edge_length, "fill": True} | no_sizes
-    mesh = run_mesher(NETGEN, remeshed, task, monitor)
+    mesh = run_mesher(NETGEN, remeshed, {"edge_length": edge_length, "fill": True}, monitor)
     if len(mesh.boundary().faces) != len(remeshed.faces):
         raise MeshingError(
             "the mesher changed triangles, which cross each other", code="surface-crosses-itself"

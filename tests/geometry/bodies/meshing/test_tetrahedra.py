@@ -6,6 +6,7 @@ import sys
 import time
 from dataclasses import replace
 
+import build123d as bd
 import numpy as np
 import pytest
 import trimesh
@@ -20,6 +21,7 @@ from defsense_fab.geometry.bodies.mesh_files import read_mesh
 from defsense_fab.geometry.bodies.meshing import mesh_quality, tetrahedra
 from defsense_fab.geometry.bodies.meshing.child_work import RunMonitor, raise_child_error
 from defsense_fab.geometry.bodies.meshing.mesh_quality import (
+    bound_ratio,
     fit_boundary,
     measure_facet_gaps,
     measure_quality,
@@ -28,9 +30,11 @@ from defsense_fab.geometry.bodies.meshing.meshers import make_mesh, run_mesher
 from defsense_fab.geometry.bodies.meshing.tetrahedra import (
     FTETWILD,
     NETGEN,
+    count_tets,
     plan_methods,
     tetrahedralize,
 )
+from defsense_fab.geometry.kernels import occ
 from tests.support.errors import raises
 from tests.support.places import DEVICES
 from tests.support.surfaces import from_trimesh
@@ -118,6 +122,19 @@ def test_edges_have_the_requested_length(bar, edge_length):
     assert mesh.boundary().volume == pytest.approx(bar.volume, rel=1e-9)
 
 
+@pytest.mark.parametrize("kind", ["small rounds", "sides of 6.25 edges"])
+def test_even_tets_that_would_be_far_too_many_are_graded(bar, kind):
+    edge_length, surface = 6.0, bar
+    if kind == "small rounds":
+        cube = bd.fillet(bd.Box(60, 60, 60).edges(), 5).solid()
+        edge_length, surface = 10.0, occ.tessellate(cube.wrapped, 0.05)
+    result = tetrahedralize(surface, edge_length)
+    assert result.tried == ()
+    assert 0.6 < len(result.mesh.tets) / count_tets(surface, edge_length) < 1.3
+    assert bound_ratio(result.mesh) >= 2
+    assert abs(measure_quality(result.mesh, surface).volume_change) < 2e-3
+
+
 @pytest.mark.parametrize(
     ("edge_length", "code"), [(0.05, "edge-too-short"), (500, "edge-too-long")]
 )
@@ -130,7 +147,7 @@ def test_the_boundary_of_a_coarse_ball_is_fitted():
     """Netgen's nodes lie on the sphere: the volume is short by what theory says of chords, until
     the facets are fitted."""
     surface = ball(20.0)
-    task = {"edge_length": 8.0, "points": np.zeros((0, 3)), "edges": []}
+    task = {"edge_length": 8.0, "grading": 0.3, "points": np.zeros((0, 3)), "edges": []}
     raw = run_mesher(NETGEN, surface, task, RunMonitor(60.0, print, "Netgen", 1.0, "nothing"))
     fitted = fit_boundary(raw, surface)
     assert raw.volumes.sum() / surface.volume < 0.97
@@ -143,7 +160,7 @@ def test_the_boundary_of_a_coarse_ball_is_fitted():
 
 
 def test_second_run_of_a_method_has_the_remaining_time(bar):
-    task = {"edge_length": 20.0, "points": np.zeros((0, 3)), "edges": []}
+    task = {"edge_length": 20.0, "grading": 0.3, "points": np.zeros((0, 3)), "edges": []}
     watch = RunMonitor(60.0, print, "Netgen", 1.0, "nothing", time.monotonic() - 61.0)
     with raises(MeshingError, "time-limit-exceeded", limit=60.0):
         run_mesher(NETGEN, bar, task, watch)
