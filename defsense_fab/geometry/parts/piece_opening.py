@@ -121,28 +121,17 @@ def _options(
             return
     prisms = None if margin is None else _prisms_around(piece, plane, line, margin, play)
     is_found = False
-    for s, (side, other) in enumerate(((below, above), (above, below))):
-        inside, outside = side, []
-        if prisms is not None:
-            inside, remainder = side.split(triangle_kernel.solid_of(prisms[s][0]))
-            outside = [remainder]
-        touched: list[Any] = []
-        untouched: list[Any] = []
-        for candidate in inside.decompose():
-            is_crumb = candidate.volume() <= MIN_PIECE_MM3
-            (untouched if is_crumb or not runs_in(line, candidate) else touched).append(candidate)
-        others = [c for c in untouched if c.volume() > MIN_PIECE_MM3]
-        if prisms is None and not others:
-            continue  # the same as right through
+    for s, side in enumerate((below, above)):
+        candidates = solids_of(
+            side if prisms is None else side ^ triangle_kernel.solid_of(prisms[s][0])
+        )
+        touched = [c for c in candidates if runs_in(line, c)]
+        others = [c for c in candidates if not runs_in(line, c)]
         if not touched or _is_blocked(touched, others, plane):
             continue
         freed = triangle_kernel.union(touched)
-        # Cutting `freed` out of the piece gives the same, but takes some hundred times as long, as
-        # all their facets coincide.
-        rest = solids_of(triangle_kernel.union([other, *outside, *untouched]))
-        lid, gap = freed, None
-        if prisms is not None:
-            lid, gap = freed.split(triangle_kernel.solid_of(prisms[s][1]))
+        rest = solids_of(piece - freed)
+        lid = freed if prisms is None else freed ^ triangle_kernel.solid_of(prisms[s][1])
         taken = solids_of(lid)
         if not rest or not taken:
             continue
@@ -153,7 +142,7 @@ def _options(
             rank=1.0 + share,
             taken=tuple(taken),
             by=prisms[s] if prisms else None,
-            gap=gap,
+            gap=freed - lid if prisms else None,
         )
     if margin is not None and not is_found:
         yield Halves(*sides, rank=0.0)
