@@ -27,9 +27,9 @@ from ...optimization.search.starting_layouts import Layout, LayoutSearch
 from .cluster import stop_if_cancelled
 from .stages import Report, SearchProgress, Watch
 
-#: Expected time of the searches in one process from which another process, which takes 1 to 2 s to
-#: start, is worth its time, s.
-_MIN_PARALLEL_S = 4.0
+#: Expected time of the searches in one process from which another is worth its start, s. On two
+#: cores the bar (8 s of searches) gained nothing, and a build of the character took 50, not 61 s.
+_MIN_PARALLEL_S = 12.0
 
 #: Calls a function of a task and shared data for each task elsewhere, and yields the index and
 #: result of each finished task, as `cluster.map_on_cluster` does.

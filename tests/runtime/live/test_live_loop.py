@@ -1,7 +1,6 @@
 """The loop from a simulated read-out board to its outputs."""
 
 import threading
-import time
 from dataclasses import replace
 from functools import partial
 
@@ -120,7 +119,8 @@ def test_port_that_disappears_and_returns(live_bar):
     loop.start()
     # 5,000 bytes hold fewer than 1,000 samples of two channels.
     out.until(lambda f: f.number > 1000)
-    assert Gone.gone and loop.wait(0)
+    assert Gone.gone
+    assert loop.wait(0)
     loop.close()
 
 

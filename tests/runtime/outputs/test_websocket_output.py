@@ -345,7 +345,8 @@ def test_port_that_is_taken_at_the_last_moment_is_released(monkeypatch):
     monkeypatch.setattr(socket.socket, "listen", listen)
     with raises(OutputError, "port-busy"):
         WebSocketOutput(WebSocketSettings(port=0))
-    assert tried and all(s.fileno() == -1 for s in tried)
+    assert tried
+    assert all(s.fileno() == -1 for s in tried)
 
 
 def test_closing_ends_clients(opened):
