@@ -73,6 +73,17 @@ class MaterialSpec:
     density: float = 1.1
     constants: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def for_displacements(self) -> MaterialSpec:
+        """What the displacements of poses depend on, other fields at a constant.
+
+        Poses prescribe displacements only, so their forces are proportional to the moduli.
+        """
+        young_modulus = self.young_modulus if self.constants else 1.0
+        return MaterialSpec(
+            "", young_modulus, self.poisson_ratio, self.model, constants=self.constants
+        )
+
 
 @dataclass(frozen=True)
 class MeshSpec:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.device.device import Device, FabricationSpec, Sensor
+from ...core.device.material_table import unusual_properties
 from ...core.device.materials import Silicone, find_silicone
 from ...core.errors import CapacityError
 from ...core.machine.processes import one_blas_thread
@@ -124,7 +125,7 @@ def _mesh_inputs(d: Device) -> Any:
     `device.mesh` may have existed before the stage, or have been left by it. The time limit counts
     only where a longer one would give a better mesh.
     """
-    poses = plain((d.material, d.poses)) if d.mesh.accuracy else None
+    poses = plain((d.material.for_displacements, d.poses)) if d.mesh.accuracy else None
     locked = mesh_store.file_digest(d.source)
     longer = ["longer"] if mesh_store.has_outgrown_mesh(d.source, d.mesh.time_limit) else []
     return (d.mesh.edge_length, d.mesh.accuracy, _regions(d), poses, locked, *longer)
@@ -145,6 +146,11 @@ def plain(value: Any) -> Any:
     if isinstance(value, frozenset):
         return sorted(value)
     return plain(vars(value)) if hasattr(value, "__dataclass_fields__") else value
+
+
+def _simulation_inputs(d: Device) -> Any:
+    doubts = unusual_properties(d.material)
+    return plain((d.material.for_displacements, doubts, d.poses, d.states))
 
 
 def _layout_inputs(f: FabricationSpec) -> FabricationSpec:
@@ -169,7 +175,7 @@ def layout_parts(d: Device) -> tuple[Any, Any]:
     """Return what a layout depends on besides mesh, states and drawn cords, in plain values.
 
     Returns:
-        What it is designed for, and the fabrication, which sets its limits.
+        What it is designed for, and the fabrication with the material, which set its limits.
     """
     silicone = _silicone(d)
     has_default_search = d.seed == Device.seed and d.searches is None
@@ -186,7 +192,7 @@ def layout_parts(d: Device) -> tuple[Any, Any]:
         *(() if has_default_search else (d.seed, d.searches)),
     )
     shrinkage = None if silicone is None else silicone.shrinkage
-    return plain(design), plain((_layout_inputs(d.fabrication), shrinkage))
+    return plain(design), plain((_layout_inputs(d.fabrication), d.material, shrinkage))
 
 
 _COARSER = "use a larger [mesh] edge_length in device.toml"
@@ -212,7 +218,7 @@ STAGES = (
         "simulate",
         "simulate the poses",
         ("fields",),
-        lambda d: plain((d.material, d.poses, d.states)),
+        _simulation_inputs,
         ("numpy", "scipy", "pypardiso", "mkl", "rslab"),
         _COARSER,
     ),

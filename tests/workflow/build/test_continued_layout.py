@@ -73,6 +73,14 @@ def test_a_layout_that_keeps_the_new_limits_is_kept(folder, no_search):
     assert after.limits != before.limits
 
 
+def test_a_change_of_stiffness_alone_keeps_fields_and_layout(folder, no_search):
+    before = load_layout(folder / "build")
+    edit(folder, 'name = "tango-black-plus"', 'name = "tango-black-plus"\nyoung_modulus = 1.2')
+    after, made = optimize(folder)
+    assert (after.continued, made) == ("kept", ("optimize",))
+    assert paths(after) == paths(before)
+
+
 def test_a_layout_that_breaks_the_new_limits_is_improved(folder, no_search):
     before = load_layout(folder / "build")
     walls = [cord.min_wall for cord in before.sensors]
