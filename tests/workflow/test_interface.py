@@ -242,7 +242,9 @@ def test_code_blocks_of_the_page_run_in_order(twin, saved, sessions, tmp_path, m
     for block in blocks:
         exec(block.replace("minutes=2", "minutes=1"), names)
     assert {p.name for p in tmp_path.iterdir()} >= {"parts", "block", "model.json"}
-    assert names["skin"].vertices.shape == (36, 87, 3)
+    frames, vertices, axes = names["skin"].vertices.shape
+    assert (frames, axes) == (36, 3)
+    assert vertices > 8
     assert names["live"].closed
     assert names["frame"].quality == "trusted"
     table = tomlkit.parse(names["block"].text)

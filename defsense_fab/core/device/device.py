@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -72,17 +72,6 @@ class MaterialSpec:
     model: str = "neo-hookean"
     density: float = 1.1
     constants: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def for_displacements(self) -> MaterialSpec:
-        """What the displacements of poses depend on, other fields at a constant.
-
-        Poses prescribe displacements only, so their forces are proportional to the moduli.
-        """
-        young_modulus = self.young_modulus if self.constants else 1.0
-        return MaterialSpec(
-            "", young_modulus, self.poisson_ratio, self.model, constants=self.constants
-        )
 
 
 @dataclass(frozen=True)
@@ -183,6 +172,11 @@ class Pose:
     drags: tuple[PointDrag, ...] = ()
     pressures: tuple[RegionPressure, ...] = ()
     gravity: Float = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def has_loads(self) -> bool:
+        """Whether drags, pressures or gravity act."""
+        return bool(self.drags or self.pressures or np.any(self.gravity))
 
 
 @dataclass(frozen=True)
@@ -400,6 +394,19 @@ class Device:
     converter: str = "arduino"
     seed: int = 1
     searches: int | None = None
+
+    @property
+    def simulated_material(self) -> MaterialSpec:
+        """The material of the simulation, with a Young's modulus of 1 MPa where that is the same.
+
+        Without loads, displacements depend on ratios of moduli only, and not on the density.
+        """
+        changed: dict[str, Any] = {"name": ""}
+        if not any(p.has_loads for p in self.poses):
+            changed["density"] = MaterialSpec.density
+            if not self.material.constants:
+                changed["young_modulus"] = 1.0
+        return replace(self.material, **changed)
 
     @property
     def channel_diameter(self) -> float:

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -38,7 +38,7 @@ def map_in_processes(
     shared: Any,
     processes: int,
     call_here: Callable[[int], Any] | None = None,
-) -> Iterator[tuple[int, Any]]:
+) -> Generator[tuple[int, Any], None, None]:
     """Call a function for each task, in this process and in others.
 
     Tasks of a process that ends unexpectedly, for example for lack of memory, or whose function
@@ -62,7 +62,7 @@ def map_in_processes(
         return
     stop = threading.Event()
     with (
-        tempfile.TemporaryDirectory(prefix="defsense-") as name,
+        tempfile.TemporaryDirectory(prefix="defsense-", ignore_cleanup_errors=True) as name,
         ThreadPoolExecutor(children, thread_name_prefix="tasks") as pool,
     ):
         queue = Path(name)

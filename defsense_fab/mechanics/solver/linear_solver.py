@@ -55,6 +55,9 @@ class SymmetricSolver(Protocol):
         Args:
             right: Right-hand sides (n,) or (n, k).
             rtol: Relative residual that suffices; direct solvers ignore it.
+
+        Raises:
+            NotPositiveDefinite: If that was not noticed by `factor`.
         """
 
     def close(self) -> None:
@@ -245,10 +248,10 @@ class Pardiso:
             product = float(residual @ correction)
             if not step:
                 first = product
+            if not np.isfinite(product) or product < 0:
+                return None
             if product <= rtol**2 * first:
                 return x + correction
-            if not product > 0 or not np.isfinite(product):
-                return None
             direction = correction + product / before * direction
             before = product
             image = upper @ direction + lower @ direction - diagonal * direction

@@ -193,9 +193,9 @@ class System:
             self.solver.factor(
                 self.reduction.matrix(placed, material, G, 1.0, blocks, None, self.threads)
             )
+            by = self.solver.solve(-gradient, STEP_RTOL)
         except NotPositiveDefinite:
             return Attempt(None, 0, spent + 1, np.inf, np.inf, False, state)
-        by = self.solver.solve(-gradient, STEP_RTOL)
         linear = placed.u + self.reduction.displacement_increment(placed, by)
         volume = tet10.volume_ratios(
             G, tet10.deformation_gradient(active, linear, self.threads), self.threads
@@ -400,10 +400,14 @@ class System:
     def _take_step(self, now: _Iterate, whole: bool) -> _Iterate | None:
         """Take the Newton step, or the largest 1/2^k of it at which the material is defined.
 
-        With `whole` the full step is taken or none.
+        With `whole` the full step is taken or none. There is none, either, if the matrix turns out
+        not to be positive definite.
         """
         active = self.reduction.active
-        direction, length = self._solve(-now.gradient), 1.0
+        try:
+            direction, length = self._solve(-now.gradient), 1.0
+        except NotPositiveDefinite:
+            return None
         while length > 1e-3:
             trial = self.reduction.move(now.state, length * direction)
             F = tet10.deformation_gradient(active, trial.u, self.threads)

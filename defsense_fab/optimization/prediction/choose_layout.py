@@ -198,7 +198,7 @@ def choose_layout(
         return _outline(device, task, layout, error, surface, bay, directions)
 
     def is_simpler(layout: OptimizedLayout) -> bool:
-        """Return whether it has fewer planes, or fewer slanted ones, than all that can be made."""
+        """Return whether it has fewer planes, or fewer slanted ones, than all possible trials."""
         possible = [t for t in trials if not t.problem]
         return _count_planes(layout) < min(t.planes for t in possible) or _count_slanted(
             layout, directions
@@ -210,13 +210,13 @@ def choose_layout(
     share = 0.7 if cast else 1.0
     ratio = 1.0 if device.prefer == "accuracy" else SIMILAR_ERROR_RATIO
     while True:
-        made = sum(t.problem is not None or t.parts is not None for t in trials)
-        report(share * made / len(trials), f"making layout {made + 1} of {len(trials)} on trial")
         best = prefer_layout(trials, device.prefer)
         least = min((t.built for t in trials if t.parts is not None), default=float("inf"))
         unmade = [t for t in trials if t.problem is None and t.parts is None]
         following = min(unmade, key=_built, default=None)
         if following is not None and following.built <= ratio * least:
+            number = len(trials) - len(unmade) + 1
+            report(share * (number - 1) / len(trials), f"making layout {number} on trial")
             made_trial = _make_parts(task, following, surface, bay)
             trials = [made_trial if t is following else t for t in trials]
         elif best is None and untried:

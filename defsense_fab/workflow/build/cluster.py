@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import platform
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, wait
 from contextlib import contextmanager
 from typing import Any
@@ -100,7 +100,7 @@ def count_threads(client: Any) -> int:
 
 def map_on_cluster(
     client: Any, function: Callable[..., Any], tasks: Sequence[Any], shared: Any
-) -> Iterator[tuple[int, Any]]:
+) -> Generator[tuple[int, Any], None, None]:
     """Call a function for each task on the workers of a cluster.
 
     Args:
@@ -241,7 +241,7 @@ def stop_if_cancelled() -> Callable[..., None]:
 
 def cluster_tasks(
     address: str, note: Callable[[str], None]
-) -> Callable[[Callable[..., Any], Sequence[Any], Any], Iterator[tuple[int, Any]]]:
+) -> Callable[[Callable[..., Any], Sequence[Any], Any], Generator[tuple[int, Any], None, None]]:
     """Return a function that calls a function for each task on a cluster.
 
     It takes and yields what `map_on_cluster` does, without the client. Each task has a `name`. One
@@ -254,7 +254,7 @@ def cluster_tasks(
 
     def run(
         function: Callable[..., Any], tasks: Sequence[Any], shared: Any
-    ) -> Iterator[tuple[int, Any]]:
+    ) -> Generator[tuple[int, Any], None, None]:
         note(f"connecting to {address}")
         with connect(address) as client:
             workers = count_threads(client)

@@ -1,10 +1,10 @@
 """Continue from the layout of an earlier build, if an edit leaves most of it valid.
 
-A search for cords takes most of a build. After a change of the fabrication or of the material's
-stiffness the layout stays if it still keeps all limits; after a change of a drawn cord it is
-improved from where it is. After any other change, and with `defsense build --search`, the cords are
-searched for again. This includes changes of the poses: a layout that was improved for them had
-three times the error of a new one.
+A search for cords takes most of a build. After a change of the fabrication, or of the material's
+stiffness without loads, the layout stays if it still keeps all limits; after a change of a drawn
+cord it is improved from where it is. After any other change, and with `defsense build --search`,
+the cords are searched for again. This includes changes of the poses: a layout that was improved for
+them had three times the error of a new one.
 """
 
 from __future__ import annotations

@@ -5,9 +5,10 @@ Each search has its own random numbers, so its result does not depend on where i
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,9 @@ _MIN_PARALLEL_S = 12.0
 
 #: Calls a function of a task and shared data for each task elsewhere, and yields the index and
 #: result of each finished task, as `cluster.map_on_cluster` does.
-MapTasks = Callable[[Callable[[Any, Any], Any], Sequence[Any], Any], Iterator[tuple[int, Any]]]
+MapTasks = Callable[
+    [Callable[[Any, Any], Any], Sequence[Any], Any], Generator[tuple[int, Any], None, None]
+]
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,8 @@ class SearchRunner:
     Args:
         device: The device.
         problem: The problem, for any decoder.
-        observer: Callbacks; with them all searches run one after another in this process.
+        observer: Callbacks; with them, and without a cluster, all searches run one after another in
+            this process.
         map_tasks: Runs the searches on a cluster; None for this machine.
     """
 
@@ -104,11 +108,11 @@ class SearchRunner:
         started_at, count = time.monotonic(), len(searches)
 
         def search_here(i: int) -> OptimizedLayout | LayoutError:
-            began_at = time.monotonic()
+            search_started_at = time.monotonic()
             result = self._search_here(
                 searches[i], lambda part, what: report((len(results) + part) / count, what)
             )
-            self._seconds = time.monotonic() - began_at
+            self._seconds = time.monotonic() - search_started_at
             return result
 
         shared = self._device, self._problem
@@ -117,13 +121,14 @@ class SearchRunner:
         else:
             processes = self._count_processes(count)
             finished = map_in_processes(run_search, searches, shared, processes, search_here)
-        for i, result in finished:
-            if isinstance(result, Exception) and not isinstance(result, LayoutError):
-                raise result
-            results[i] = result
-            seconds = (time.monotonic() - started_at) / len(results) * (count - len(results))
-            left = f", about {describe_duration(seconds)} left" if seconds >= 1 else ""
-            report(len(results) / count, f"{len(results)} of {count} searches{left}")
+        with contextlib.closing(finished):  # its processes end with it
+            for i, result in finished:
+                if isinstance(result, Exception) and not isinstance(result, LayoutError):
+                    raise result
+                results[i] = result
+                seconds = (time.monotonic() - started_at) / len(results) * (count - len(results))
+                left = f", about {describe_duration(seconds)} left" if seconds >= 1 else ""
+                report(len(results) / count, f"{len(results)} of {count} searches{left}")
         return [results[i] for i in range(count)]
 
     def _search_here(self, search: Search, report: Report) -> OptimizedLayout | LayoutError:

@@ -224,7 +224,7 @@ def measure_signals(
     """
     plan = [Loading({p.name: 1.0}, (1.0,), False) for p in device.poses]
     _, jobs, _ = prepare_jobs(device, mesh, plan)
-    solutions = solve(mesh, Material.from_spec(device.material.for_displacements), jobs)
+    solutions = solve(mesh, Material.from_spec(device.simulated_material), jobs)
     location = locator.find(lines.reshape(-1, 3))
     signals = np.full((len(plan), len(lines)), np.nan)
     for i, results in enumerate(solutions):

@@ -56,7 +56,7 @@ def run(device: Device, build: Build, report: Report, solve: Solve = solve_all) 
         SolveError: A pose or a requested mixture did not converge.
     """
     mesh, folder = build.quadratic_mesh, build.folder
-    material = Material.from_spec(device.material.for_displacements)
+    material = Material.from_spec(device.simulated_material)
     (folder / FOLDER).mkdir()
     for stale in (device.source / _UNREACHED).glob("*@*.vtu"):
         stale.unlink()

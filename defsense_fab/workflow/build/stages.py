@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ...store.build import Build
 
 #: Raised when a stage's results change for the same input, so that old results are not reused.
-CODE_VERSION = 45
+CODE_VERSION = 46
 #: The stage that places copies on plates, the only one that depends on `BuildOptions`.
 PLATES = "fabricate"
 
@@ -125,7 +125,7 @@ def _mesh_inputs(d: Device) -> Any:
     `device.mesh` may have existed before the stage, or have been left by it. The time limit counts
     only where a longer one would give a better mesh.
     """
-    poses = plain((d.material.for_displacements, d.poses)) if d.mesh.accuracy else None
+    poses = plain((d.simulated_material, d.poses)) if d.mesh.accuracy else None
     locked = mesh_store.file_digest(d.source)
     longer = ["longer"] if mesh_store.has_outgrown_mesh(d.source, d.mesh.time_limit) else []
     return (d.mesh.edge_length, d.mesh.accuracy, _regions(d), poses, locked, *longer)
@@ -150,7 +150,7 @@ def plain(value: Any) -> Any:
 
 def _simulation_inputs(d: Device) -> Any:
     doubts = unusual_properties(d.material)
-    return plain((d.material.for_displacements, doubts, d.poses, d.states))
+    return plain((d.simulated_material, doubts, d.poses, d.states))
 
 
 def _layout_inputs(f: FabricationSpec) -> FabricationSpec:

@@ -266,7 +266,7 @@ def _make_runs(
     progress("study", 0.0, f"connecting to {options.scheduler}")
     with connect(options.scheduler) as client:
         groups = group_runs(missing, count_threads(client), MAX_CLUSTER_GROUP)
-        for k, result in map_on_cluster(client, run_on_worker, tasks(groups, None), plan.files):
+        for k, result in map_on_cluster(client, run_on_worker, tasks(groups, 1), plan.files):
             if isinstance(result, StudyError):
                 result = [RunRecord(r.name, r.values, "broken", str(result)) for r in groups[k]]
             for record in result:

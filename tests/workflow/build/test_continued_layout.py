@@ -81,6 +81,22 @@ def test_a_change_of_stiffness_alone_keeps_fields_and_layout(folder, no_search):
     assert paths(after) == paths(before)
 
 
+@pytest.mark.parametrize(
+    "load", ["gravity = [0, 0, -3]", 'pressures = [{ region = "top", value = 0.002 }]']
+)
+def test_under_loads_the_stiffness_counts(folder, load):
+    edit(folder, 'name = "bend_up"', f'name = "bend_up"\n{load}')
+    edit(folder, "[regions]", "[regions]\ntop = { box = [[20, -16, 14], [130, 16, 16]] }")
+    edit(folder, 'name = "tango-black-plus"', 'name = "tango-black-plus"\nyoung_modulus = 2.4')
+    sagged = []
+    for young_modulus in (2.4, 0.6):
+        edit(folder, "young_modulus = 2.4", f"young_modulus = {young_modulus}")
+        fields = build(load_device(folder), "simulate").results.fields
+        sagged.append(fields.displacements[0, :, 2].min())
+        edit(folder, f"young_modulus = {young_modulus}", "young_modulus = 2.4")
+    assert abs(sagged[1] - sagged[0]) > 0.01
+
+
 def test_a_layout_that_breaks_the_new_limits_is_improved(folder, no_search):
     before = load_layout(folder / "build")
     walls = [cord.min_wall for cord in before.sensors]

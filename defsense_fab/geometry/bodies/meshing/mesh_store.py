@@ -27,7 +27,7 @@ from .tetrahedra import MeshedSurface, Tetrahedra
 #: Name of the file in a device's folder.
 DEVICE_MESH = "device.mesh"
 #: Increase this to mesh all bodies again.
-CACHE_VERSION = 6
+CACHE_VERSION = 7
 #: Number of meshes in the cache; the oldest are deleted.
 MAX_MESHES = 100
 

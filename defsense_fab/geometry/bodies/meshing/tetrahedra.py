@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -180,8 +181,10 @@ def _mesh_surface(
     sizes = EVEN_SIZES
     mesh = _run_sized(given, edge_length, sizes, monitor)
     if len(mesh.tets) > MAX_EVEN_RATIO * count_tets(surface, edge_length):
-        sizes = GRADED_SIZES
-        mesh = _run_sized(given, edge_length, sizes, monitor)
+        with suppress(MeshingError):
+            graded = _run_sized(given, edge_length, GRADED_SIZES, monitor)
+            if len(graded.tets) < len(mesh.tets):
+                mesh, sizes = graded, GRADED_SIZES
     middles, gaps = measure_facet_gaps(mesh, given)
     max_gap = sizes.max_gap * edge_length
     is_wide = gaps > max_gap
