@@ -400,8 +400,8 @@ class System:
     def _take_step(self, now: _Iterate, whole: bool) -> _Iterate | None:
         """Take the Newton step, or the largest 1/2^k of it at which the material is defined.
 
-        With `whole` the full step is taken or none. There is none, either, if the matrix turns out
-        not to be positive definite.
+        With `whole` only the full step is taken. No step is taken if the matrix turns out not to be
+        positive definite.
         """
         active = self.reduction.active
         try:

@@ -195,7 +195,7 @@ def choose_layout(
     directions = face_directions(surface)
 
     def outline(layout: OptimizedLayout, error: float) -> Trial:
-        return _outline(device, task, layout, error, surface, bay, directions)
+        return outline_trial(device, task, layout, error, surface, bay, directions)
 
     def is_simpler(layout: OptimizedLayout) -> bool:
         """Return whether it has fewer planes, or fewer slanted ones, than all possible trials."""
@@ -217,7 +217,7 @@ def choose_layout(
         if following is not None and following.built <= ratio * least:
             number = len(trials) - len(unmade) + 1
             report(share * (number - 1) / len(trials), f"making layout {number} on trial")
-            made_trial = _make_parts(task, following, surface, bay)
+            made_trial = make_on_trial(task, following, surface, bay)
             trials = [made_trial if t is following else t for t in trials]
         elif best is None and untried:
             trials.append(outline(*untried.pop(0)))
@@ -252,7 +252,7 @@ def _score_design(task: DesignTask, layout: OptimizedLayout) -> ScoredLayout:
     return predict(task, assumed_cords(task, layout.sensors))
 
 
-def make_on_trial(
+def outline_trial(
     device: Device,
     task: DesignTask,
     layout: OptimizedLayout,
@@ -261,7 +261,7 @@ def make_on_trial(
     bay: Prism | None,
     directions: Float,
 ) -> Trial:
-    """Make the parts of a layout on trial.
+    """Return the trial of a layout without its parts.
 
     Args:
         device: The device.
@@ -272,20 +272,6 @@ def make_on_trial(
         bay: Connector bay, if any.
         directions: Directions (k, 3) of the body's flat faces.
     """
-    trial = _outline(device, task, layout, designed, surface, bay, directions)
-    return trial if trial.problem else _make_parts(task, trial, surface, bay)
-
-
-def _outline(
-    device: Device,
-    task: DesignTask,
-    layout: OptimizedLayout,
-    designed: float,
-    surface: Surface,
-    bay: Prism | None,
-    directions: Float,
-) -> Trial:
-    """Return the trial of a layout without its parts."""
     slants = _count_slanted(layout, directions)
     try:
         relief = decide_strain_relief(device, task, surface, layout.sensors, bay)
@@ -302,8 +288,17 @@ def _outline(
     )
 
 
-def _make_parts(task: DesignTask, trial: Trial, surface: Surface, bay: Prism | None) -> Trial:
-    assert trial.relief is not None
+def make_on_trial(task: DesignTask, trial: Trial, surface: Surface, bay: Prism | None) -> Trial:
+    """Return a trial with its parts, or with the problem that prevents them.
+
+    Args:
+        task: The design task of the device.
+        trial: The trial without its parts; if it has a problem, it is returned.
+        surface: The body's surface.
+        bay: Connector bay, if any.
+    """
+    if trial.relief is None:
+        return trial
     device, channels = trial.relief.device, trial.relief.channels
     try:
         part_set = fabricate(

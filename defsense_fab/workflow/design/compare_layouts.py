@@ -13,7 +13,7 @@ from ...core.errors import LayoutError, StorageError
 from ...core.progress import Report
 from ...optimization.prediction.as_built import assumed_cords
 from ...optimization.prediction.built_devices import tolerance_band
-from ...optimization.prediction.choose_layout import make_on_trial, prefer_layout
+from ...optimization.prediction.choose_layout import make_on_trial, outline_trial, prefer_layout
 from ...optimization.prediction.design_task import (
     SEED,
     DesignTask,
@@ -172,9 +172,9 @@ def _make_compared(
     error = scored.prediction.unseen
     surface = build.surface
     layout = OptimizedLayout(sensors, error, False, (), sensors)
-    trial = make_on_trial(
-        device, best, layout, error, surface, build.body.bay, face_directions(surface)
-    )
+    bay = build.body.bay
+    outlined = outline_trial(device, best, layout, error, surface, bay, face_directions(surface))
+    trial = make_on_trial(best, outlined, surface, bay)
     if trial.problem is not None:
         return ComparedLayout(name, sensors, error, problem=trial.problem)
     band = _band(device, best, trial.scored, trial.built)

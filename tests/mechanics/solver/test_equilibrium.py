@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 from defsense_fab.core.device.device import PointDrag
 from defsense_fab.core.errors import SolveError
@@ -24,7 +23,6 @@ from defsense_fab.mechanics.solver.batch import Job, solve_all
 from defsense_fab.mechanics.solver.convergence_aids import find_stuck_patch
 from defsense_fab.mechanics.solver.fields import check_field
 from defsense_fab.mechanics.solver.linear_solver import (
-    NotPositiveDefinite,
     Pardiso,
     Rslab,
     SuperLU,
@@ -402,30 +400,6 @@ def test_a_folded_tet_is_reported(mesh):
     assert found.problem()
 
 
-def random_spd(seed):
-    rng = np.random.default_rng(seed)
-    a = rng.normal(size=(20, 20))
-    return sp.csr_matrix(np.triu(a @ a.T + np.eye(20))), rng.normal(size=20)
-
-
-@pytest.mark.parametrize("unknowns", [0, 1000])
-@pytest.mark.parametrize("kind", [Pardiso, Rslab, SuperLU])
-def test_solvers_solve_definite_and_refuse_other_matrices(kind, unknowns, monkeypatch):
-    monkeypatch.setattr(linear_solver, "MIN_SINGLE_UNKNOWNS", unknowns)
-    solver = kind()
-    for seed in range(3):  # one pattern, other values: the analysis is used again
-        upper, right = random_spd(seed)
-        solver.factor(upper)
-        full = upper.toarray() + np.triu(upper.toarray(), 1).T
-        assert full @ solver.solve(right) == pytest.approx(right, abs=1e-9)
-        both = solver.solve(np.stack([right, 2 * right], axis=1))
-        assert full @ both[:, 1] == pytest.approx(2 * right, abs=1e-9)
-    solver.close()
-    for other in (2.0, 1.0):  # indefinite, singular
-        with pytest.raises(NotPositiveDefinite):
-            kind().factor(sp.csr_matrix(np.array([[1.0, other], [0.0, 1.0]])))
-
-
 def test_single_precision_changes_no_pose(mesh, clamp, monkeypatch):
     goal = clamp(mesh, [0, -1.0, 0])
     exact = solve_ramp(mesh, MATERIAL, goal, [1.0])[-1]
@@ -433,25 +407,6 @@ def test_single_precision_changes_no_pose(mesh, clamp, monkeypatch):
     single = solve_ramp(mesh, MATERIAL, goal, [1.0])[-1]
     assert (single.status, single.statistics.factors) == (Status.OK, exact.statistics.factors)
     assert np.abs(single.u - exact.u).max() < 1e-4
-
-
-def test_nearly_singular_matrices_are_solved_from_single_precision(monkeypatch):
-    """Softer than the rounding of single precision: refused there, factored in double."""
-    monkeypatch.setattr(linear_solver, "MIN_SINGLE_UNKNOWNS", 0)
-    rng = np.random.default_rng(0)
-    axes = np.linalg.qr(rng.normal(size=(30, 30)))[0]
-    for softest in (1e-9, -1e-9):
-        values = np.append(np.linspace(1, 2, 29), softest)
-        full = axes * values @ axes.T
-        solver = Pardiso()
-        upper = sp.csr_matrix(np.triu((full + full.T) / 2))
-        if softest < 0:
-            with pytest.raises(NotPositiveDefinite):
-                solver.factor(upper)
-            continue
-        solver.factor(upper)
-        right = rng.normal(size=30)
-        assert full @ solver.solve(right) == pytest.approx(right, abs=1e-6)
 
 
 def test_poses_do_not_depend_on_the_solver(mesh, clamp, monkeypatch):

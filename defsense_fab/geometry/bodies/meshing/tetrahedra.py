@@ -9,20 +9,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ....core.arrays import Float
 from ....core.device.device import MeshSpec
 from ....core.errors import MeshingError
 from ....core.machine.child_process import OUT_OF_MEMORY
 from ....core.mesh import Surface, TetMesh
 from .child_work import RunMonitor
 from .mesh_improvement import improve_flat_tets
-from .mesh_quality import bound_ratio, check_mesh, fit_boundary, measure_facet_gaps
+from .mesh_quality import bound_ratio, check_mesh, fit_boundary
 from .meshers import FTETWILD, NETGEN, UnusableMesherError, run_mesher
+from .netgen_mesh import count_tets, mesh_with_netgen
 from .simplification import (
     MIN_FINE_TRIANGLES,
     SimplifiedSurface,
@@ -33,30 +32,6 @@ from .simplification import (
 )
 from .surface_remeshing import remesh_in_time, remesh_on_grid_in_time, simplify_in_time
 
-#: Netgen's smallest edge where the surface is curved, for a mean edge of 1.
-MIN_EDGE = 0.3
-
-
-@dataclass(frozen=True)
-class NetgenSizes:
-    """Sizes that Netgen gets for a mean edge of 1.
-
-    Attributes:
-        max_edge: Largest edge.
-        grading: Growth from short to long edges, from 0 (even) to 1.
-        max_gap: Distance of facets from the surface above which edges get shorter there.
-    """
-
-    max_edge: float
-    grading: float
-    max_gap: float
-
-
-#: Even tets; and sizes for bodies of which these are more than `MAX_EVEN_RATIO` times those that
-#: the edge length asks for: many short edges on small rounds, or sides of a little more than a
-#: whole number of edges.
-EVEN_SIZES, GRADED_SIZES = NetgenSizes(0.8, 0.3, 0.03), NetgenSizes(0.9, 0.5, 0.06)
-MAX_EVEN_RATIO = 1.25
 #: Allowed distance of a remeshed surface, and of one from a grid, from the body, in edges of the
 #: tets.
 REMESHED_TOLERANCE_EDGES, GRID_TOLERANCE_EDGES = 0.35, 0.6
@@ -129,7 +104,7 @@ def plan_methods(surface: Surface, edge_length: float) -> list[MeshingMethod]:
         0.1,
         2 + tets / 1000 + count / 4000,
         lambda monitor: (
-            _mesh_surface(simplified.surface(monitor), surface, edge_length, monitor),
+            mesh_with_netgen(simplified.surface(monitor), surface, edge_length, monitor),
             simplified.record,
         ),
     )
@@ -170,42 +145,6 @@ def plan_methods(surface: Surface, edge_length: float) -> list[MeshingMethod]:
     if is_rough(surface):
         return [*remeshed, grid, direct, fine, coarse]
     return [direct, *remeshed, grid, fine, coarse]
-
-
-def _mesh_surface(
-    given: Surface, surface: Surface, edge_length: float, monitor: RunMonitor
-) -> TetMesh:
-    """Mesh the surface `given` with Netgen, which places its own triangles on it, and fit the mesh
-    to the body's `surface`.
-    """
-    sizes = EVEN_SIZES
-    mesh = _run_sized(given, edge_length, sizes, monitor)
-    if len(mesh.tets) > MAX_EVEN_RATIO * count_tets(surface, edge_length):
-        with suppress(MeshingError):
-            graded = _run_sized(given, edge_length, GRADED_SIZES, monitor)
-            if len(graded.tets) < len(mesh.tets):
-                mesh, sizes = graded, GRADED_SIZES
-    middles, gaps = measure_facet_gaps(mesh, given)
-    max_gap = sizes.max_gap * edge_length
-    is_wide = gaps > max_gap
-    if is_wide.any():  # where facets cut corners, edges as short as that takes
-        shrink = np.maximum(np.sqrt(max_gap / gaps[is_wide]), MIN_EDGE)
-        shorter = shrink * sizes.max_edge * edge_length
-        mesh = _run_sized(given, edge_length, sizes, monitor, (middles[is_wide], shorter))
-    return fit_boundary(mesh, surface)
-
-
-def _run_sized(
-    given: Surface,
-    edge_length: float,
-    sizes: NetgenSizes,
-    monitor: RunMonitor,
-    shorter: tuple[Float, Float] = (np.zeros((0, 3)), np.zeros(0)),
-) -> TetMesh:
-    """Run Netgen with its own triangles, and with `shorter` edges (k,) mm at points (k, 3)."""
-    points, edges = shorter
-    task = {"edge_length": sizes.max_edge * edge_length, "grading": sizes.grading}
-    return run_mesher(NETGEN, given, task | {"points": points, "edges": edges}, monitor)
 
 
 def _remeshing_method(
@@ -400,11 +339,6 @@ def _score(mesh: TetMesh, surface: Surface, edge_length: float) -> float:
     """Return how near a mesh comes to the bounds on its angles and its number of tets, up to 1."""
     max_tets = MAX_TETS_RATIO * count_tets(surface, edge_length)
     return min(bound_ratio(mesh), 1.0) * min(max_tets / len(mesh.tets), 1.0)
-
-
-def count_tets(surface: Surface, edge_length: float) -> float:
-    """Return about how many tets of an edge length (mm) fill a surface."""
-    return 8.5 * abs(surface.volume) / edge_length**3
 
 
 def _is_alternative(method: MeshingMethod, surface: Surface) -> bool:

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from defsense_fab.core.mesh import Surface, TetMesh
-from defsense_fab.geometry.bodies.meshing import tetrahedra
+from defsense_fab.geometry.bodies.meshing import netgen_mesh
 from defsense_fab.geometry.bodies.meshing.mesh_improvement import improve_flat_tets
 from defsense_fab.geometry.bodies.meshing.mesh_quality import (
     bound_ratio,
@@ -13,8 +13,9 @@ from defsense_fab.geometry.bodies.meshing.mesh_quality import (
     measure_quality,
 )
 from defsense_fab.geometry.bodies.meshing.meshers import make_mesh
+from defsense_fab.geometry.bodies.meshing.netgen_mesh import NetgenSizes
 from defsense_fab.geometry.bodies.meshing.simplification import is_rough
-from defsense_fab.geometry.bodies.meshing.tetrahedra import NetgenSizes, tetrahedralize
+from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from tests.support.surfaces import from_trimesh
 
 
@@ -105,7 +106,7 @@ def test_mesh_of_far_too_many_tets_is_replaced(monkeypatch):
     usual = tetrahedralize(ball, 10.0)
     assert usual.tried == ()
     for name in ("EVEN_SIZES", "GRADED_SIZES"):
-        monkeypatch.setattr(tetrahedra, name, NetgenSizes(0.3, 0.3, 0.03))
+        monkeypatch.setattr(netgen_mesh, name, NetgenSizes(0.3, 0.3, 0.03))
     fewer = tetrahedralize(ball, 10.0)
     assert len(fewer.tried) == 1
     assert len(fewer.mesh.tets) < 4 * 8.5 * ball.volume / 10.0**3

@@ -27,10 +27,10 @@ from defsense_fab.geometry.bodies.meshing.mesh_quality import (
     measure_quality,
 )
 from defsense_fab.geometry.bodies.meshing.meshers import make_mesh, run_mesher
+from defsense_fab.geometry.bodies.meshing.netgen_mesh import count_tets
 from defsense_fab.geometry.bodies.meshing.tetrahedra import (
     FTETWILD,
     NETGEN,
-    count_tets,
     plan_methods,
     tetrahedralize,
 )
