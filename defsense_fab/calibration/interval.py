@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from ..core.arrays import Float, Int
 from ..core.errors import CalibrationError
@@ -145,7 +145,7 @@ def _bootstrap(
 def _student_half_width(gains: Sequence[float]) -> float:
     """Return half the 95 % interval of the mean of gains."""
     n = len(gains)
-    return float(student.ppf((1 + LEVEL) / 2, n - 1) * np.std(gains, ddof=1) / np.sqrt(n))
+    return float(stdtrit(n - 1, (1 + LEVEL) / 2) * np.std(gains, ddof=1) / np.sqrt(n))
 
 
 def _pooled_half_width(gains: Sequence[float], spread: float) -> float:
@@ -159,7 +159,7 @@ def _pooled_half_width(gains: Sequence[float], spread: float) -> float:
     squares = float(((np.array(gains) - np.mean(gains)) ** 2).sum())
     freedom = _ASSUMED_SPREAD_PIECES + n - 1 if spread else n - 1
     pooled = np.sqrt((_ASSUMED_SPREAD_PIECES * spread**2 + squares) / freedom)
-    half = float(student.ppf((1 + LEVEL) / 2, freedom) * pooled / np.sqrt(n))
+    half = float(stdtrit(freedom, (1 + LEVEL) / 2) * pooled / np.sqrt(n))
     return max(half, _student_half_width(gains)) if n > 2 else half
 
 

@@ -33,6 +33,7 @@ MIN_MOTION_PX = 0.5  # of a tag, during which a repeated image is wrong
 MAX_OFFSET_TAGS = 300  # used for the offset: those that move most
 MIN_OFFSET_TAGS = 30
 COARSE_TAGS = 60  # of these tags, used on the grid
+_BLOCK_VIEWS = 4000  # of the tags on the grid that are located at once, to limit memory
 MAX_AGREEMENT_PX = 1.5  # root mean square; views that miss by more are not of the same time
 OFFSET_RESOLUTION_S = 1e-4
 
@@ -93,23 +94,32 @@ def find_offset(
     first_part = first.part(frames_used)
     first_views = first_part.corners[position, rows[1]], first_part.covariance[position, rows[1]]
 
-    def miss(offset: float, stride: int = 1) -> float:
-        frames, tags = rows[0][::stride], rows[1][::stride]
-        corners, covariance = interpolate(second, first.time[frames], offset)
-        n = np.arange(len(frames))
-        views = np.stack([first_views[0][::stride], corners[n, tags]], axis=1)
-        covariances = np.stack([first_views[1][::stride], covariance[n, tags]], axis=1)
+    def misses(offsets: Float, stride: int = 1) -> Float:
+        """Return the mean squared misses (k,) px^2 at offsets (k,) s."""
+        frames, tags = rows[0][::stride], np.tile(rows[1][::stride], len(offsets))
+        corners, covariance = interpolate(second, (first.time[frames] - offsets[:, None]).ravel())
+        n = np.arange(len(tags))
+        of_first = [np.tile(v[::stride], (len(offsets), *[1] * (v.ndim - 1))) for v in first_views]
+        views = np.stack([of_first[0], corners[n, tags]], axis=1)
+        covariances = np.stack([of_first[1], covariance[n, tags]], axis=1)
         is_known = np.isfinite(views).all(axis=(1, 2, 3))
-        if is_known.sum() * stride < MIN_OFFSET_TAGS / 2:
-            return float("inf")
         located = triangulate(cameras, views[is_known], covariances[is_known])
+        square = np.zeros(len(tags))
         # Views that disagree count with the largest possible disagreement.
-        misses = np.where(np.isfinite(located.miss), located.miss, 2.0)
-        return float(np.mean(misses**2))
+        square[is_known] = np.where(np.isfinite(located.miss), located.miss, 2.0) ** 2
+        count = is_known.reshape(len(offsets), -1).sum(axis=1)
+        mean = square.reshape(len(offsets), -1).sum(axis=1) / np.maximum(count, 1)
+        return np.where(count * stride < MIN_OFFSET_TAGS / 2, np.inf, mean)
+
+    def miss(offset: float) -> float:
+        return float(misses(np.array([offset]))[0])
 
     grid = np.arange(-reach, reach + period / 4, period / 2)
     coarse = max(len(rows[0]) // COARSE_TAGS, 1)
-    values = np.array([miss(o, coarse) for o in grid])
+    per_block = max(_BLOCK_VIEWS * coarse // len(rows[0]), 1)
+    values = np.concatenate(
+        [misses(grid[k : k + per_block], coarse) for k in range(0, len(grid), per_block)]
+    )
     k = int(values.argmin())
     if not 0 < k < len(grid) - 1 or not np.isfinite(values[k - 1 : k + 2]).all():
         return None
@@ -127,12 +137,12 @@ def find_offset(
             b = low + golden * (high - low)
             fb = miss(b)
     offset_found = (low + high) / 2
-    cost_after, cost_before = miss(offset_found), miss(0.0)
     # The sharpness of the minimum, by a parabola through a step on each side.
     step = period / 4
-    curvature = max(
-        (miss(offset_found - step) + miss(offset_found + step) - 2 * cost_after) / step**2, 1e-12
+    cost_after, cost_before, earlier, later = misses(
+        np.array([offset_found, 0.0, offset_found - step, offset_found + step])
     )
+    curvature = max((earlier + later - 2 * cost_after) / step**2, 1e-12)
     sigma = float(np.sqrt(2 * cost_after / curvature / max(len(rows[0]) - 1, 1)))
     if cost_after > MAX_AGREEMENT_PX**2:
         return None  # the cameras agree at no offset within reach

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import t as student
+import scipy.sparse as sp
+from scipy.special import stdtrit
 
 from ...core.arrays import Bool, Float, Int
 from ...decoding.signal_history import Past, interpolate_at
@@ -111,7 +112,7 @@ def _is_insignificant(worse: Float) -> Bool:
     """Return which rows (d,) of differences (d, blocks) have a mean that may be 0 or less."""
     blocks = worse.shape[1]
     error = worse.std(axis=1, ddof=1) / np.sqrt(blocks)
-    return np.asarray(worse.mean(axis=1) <= student.ppf(_CONFIDENCE, blocks - 1) * error)
+    return np.asarray(worse.mean(axis=1) <= stdtrit(blocks - 1, _CONFIDENCE) * error)
 
 
 def compare_shifts(
@@ -137,35 +138,50 @@ def compare_shifts(
     count = sum(map(len, points))
     if count < _MIN_POINTS:
         return None
-    effects = [
-        _values(pair.effect_time, pair.effect, p) for pair, p in zip(pairs, points, strict=True)
-    ]
-    if change_s:
-        before = [
-            _values(q.effect_time, q.effect, p - change_s)
-            for q, p in zip(pairs, points, strict=True)
+    effect = _center(
+        [
+            _values(pair.effect_time, pair.effect, p, change_s)
+            for pair, p in zip(pairs, points, strict=True)
         ]
-        effects = [now - then for now, then in zip(effects, before, strict=True)]
-    effect = _center(effects)
+    )
     starts = _block_starts(points)
     blocks = [slice(a, b) for a, b in zip(starts, [*starts[1:], count], strict=True)]
     fold = np.arange(len(blocks)) * min(_FOLDS, len(blocks)) // len(blocks)
     residual = np.empty((len(shifts), len(blocks)))
     for k, shift in enumerate(shifts):
         x = _center(
-            [_causes_at(pair, p + shift, change_s) for pair, p in zip(pairs, points, strict=True)]
+            [
+                _values(pair.cause_time, pair.cause, p + shift, change_s)
+                for pair, p in zip(pairs, points, strict=True)
+            ]
         )
         residual[k] = block_residuals(x, effect, blocks, fold)
     return ShiftCurve(shifts, residual, float((effect**2).sum()), len(pairs) > 1)
 
 
-def _values(time: Float, values: Float, at: Float) -> Float:
-    return interpolate_at(at, time, values, _MAX_GAP_S)
+def _values(time: Float, values: Float, at: Float, change_s: float) -> Float:
+    """Return values (n, d) at times (t,) that `_is_known` accepts, or their changes."""
+    if len(time) < 2:
+        return np.empty((0, values.shape[1]))
+    weights = _interpolation(time, at)
+    if change_s:
+        weights = weights - _interpolation(time, at - change_s)
+    return np.asarray(weights @ values)
 
 
-def _causes_at(pair: Pair, at: Float, change_s: float) -> Float:
-    now = _values(pair.cause_time, pair.cause, at)
-    return now - _values(pair.cause_time, pair.cause, at - change_s) if change_s else now
+def _interpolation(time: Float, at: Float) -> sp.csr_array:
+    """Return the matrix (t, n) that interpolates linearly between the n times of samples."""
+    after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
+    x = (at - time[after - 1]) / (time[after] - time[after - 1])
+    weights, samples = np.stack([1 - x, x], axis=1), np.stack([after - 1, after], axis=1)
+    rows = np.arange(0, 2 * len(at) + 1, 2)
+    return sp.csr_array((weights.ravel(), samples.ravel(), rows), (len(at), len(time)))
+
+
+def _is_known(time: Float, at: Float) -> Bool:
+    """Return which times (...) have samples on both sides, not too far apart."""
+    one = interpolate_at(at.ravel(), time, np.ones((len(time), 1)), _MAX_GAP_S)
+    return np.asarray(np.isfinite(one).reshape(at.shape))
 
 
 def _center(parts: Sequence[Float]) -> Float:
@@ -178,13 +194,10 @@ def _common_points(pair: Pair, shifts: Float, change_s: float) -> Float:
     time = pair.effect_time
     stride = max(len(time) // (2 * _MAX_POINTS), 1)
     time = time[::stride]
-    backs = (0.0, change_s) if change_s else (0.0,)
-    one = np.ones((len(pair.cause_time), 1))
-    is_known: Bool = np.isfinite(_values(pair.effect_time, pair.effect[:, :1], time)[:, 0])
-    for back in backs:
-        is_known &= np.isfinite(_values(pair.effect_time, pair.effect[:, :1], time - back)[:, 0])
-        for shift in shifts:
-            is_known &= np.isfinite(_values(pair.cause_time, one, time + shift - back)[:, 0])
+    is_known = np.ones(len(time), bool)
+    for before in (time, time - change_s) if change_s else (time,):
+        is_known &= _is_known(pair.effect_time, before)
+        is_known &= _is_known(pair.cause_time, before + shifts[:, None]).all(axis=0)
     return time[is_known]
 
 
@@ -206,12 +219,12 @@ def block_residuals(x: Float, y: Float, blocks: Sequence[slice], fold: Int) -> F
     x = x / np.where(size > 0, size, 1.0)
     gram = np.stack([x[b].T @ x[b] for b in blocks])
     cross = np.stack([x[b].T @ y[b] for b in blocks])
+    square = np.array([(y[b] ** 2).sum() for b in blocks])
     ridge = _RIDGE * len(x) * np.eye(x.shape[1])
     out = np.empty(len(blocks))
     for f in range(int(fold.max()) + 1):
-        is_left_out = fold == f
-        w = np.linalg.solve(gram[~is_left_out].sum(0) + ridge, cross[~is_left_out].sum(0))
-        for k in np.flatnonzero(is_left_out).tolist():
-            block = blocks[k]
-            out[k] = ((y[block] - x[block] @ w) ** 2).sum()
-    return out
+        left_out = fold == f
+        w = np.linalg.solve(gram[~left_out].sum(0) + ridge, cross[~left_out].sum(0))
+        fitted = ((gram[left_out] @ w - 2 * cross[left_out]) * w).sum(axis=(1, 2))
+        out[left_out] = square[left_out] + fitted
+    return np.maximum(out, 0.0)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from importlib import import_module, metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -299,8 +299,11 @@ def stage_keys(device: Device, folder: Path, versions: Versions | None = None) -
     return StageKeys(device, versions).of(folder)
 
 
+@cache
 def installed_versions() -> dict[str, list[tuple[str, str | None]]]:
     """Return the installed version of each stage's libraries, without importing them.
+
+    They are found once per process, which keeps what it has imported anyway.
 
     Returns:
         By stage, the distributions with their versions; None for those that are not installed.

@@ -10,7 +10,7 @@ import pytest
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.workflow.build import body_sources
 from defsense_fab.workflow.build.build import build
-from defsense_fab.workflow.build.stages import STAGES, stage_keys
+from defsense_fab.workflow.build.stages import STAGES, installed_versions, stage_keys
 from tests.support import body_scripts
 from tests.support.places import BAR
 
@@ -152,6 +152,18 @@ def test_damaged_record_makes_the_body_again(folder):
     assert made(folder) == ["body"]
 
 
+@pytest.fixture
+def change_versions(monkeypatch):
+    """Replace the function that returns a library's version."""
+
+    def change(function):
+        monkeypatch.setattr(metadata, "version", function)
+        installed_versions.cache_clear()
+
+    yield change
+    installed_versions.cache_clear()
+
+
 @pytest.mark.parametrize(
     ("library", "first"),
     [
@@ -162,10 +174,10 @@ def test_damaged_record_makes_the_body_again(folder):
         ("matplotlib", "report"),
     ],
 )
-def test_another_version_of_a_library_outdates_its_stage(folder, monkeypatch, library, first):
+def test_another_version_of_a_library_outdates_its_stage(folder, change_versions, library, first):
     device, before = load_device(folder), metadata.version
     old = stage_keys(device, folder / "build")
-    monkeypatch.setattr(metadata, "version", lambda n: "0" if n == library else before(n))
+    change_versions(lambda n: "0" if n == library else before(n))
     new = stage_keys(device, folder / "build")
     names = [s.name for s in STAGES]
     assert [n for n in names if old[n] != new[n]] == names[names.index(first) :]
@@ -182,10 +194,10 @@ def test_cords_depend_on_moulds_of_cast_parts(folder, kind, first):
     assert [n for n in names if old[n] != new[n]] == names[names.index(first) :]
 
 
-def test_library_that_is_not_installed_has_no_version(folder, monkeypatch):
+def test_library_that_is_not_installed_has_no_version(folder, change_versions):
     def missing(name):
         raise metadata.PackageNotFoundError(name)
 
     old = stage_keys(load_device(folder), folder)
-    monkeypatch.setattr(metadata, "version", missing)
+    change_versions(missing)
     assert stage_keys(load_device(folder), folder)["body"] != old["body"]
