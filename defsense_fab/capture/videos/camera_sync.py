@@ -33,7 +33,7 @@ MIN_MOTION_PX = 0.5  # of a tag, during which a repeated image is wrong
 MAX_OFFSET_TAGS = 300  # used for the offset: those that move most
 MIN_OFFSET_TAGS = 30
 COARSE_TAGS = 60  # of these tags, used on the grid
-_BLOCK_VIEWS = 4000  # of the tags on the grid that are located at once, to limit memory
+_BLOCK_VIEWS = 80_000  # that are interpolated at once for the grid, to limit memory
 MAX_AGREEMENT_PX = 1.5  # root mean square; views that miss by more are not of the same time
 OFFSET_RESOLUTION_S = 1e-4
 
@@ -116,7 +116,7 @@ def find_offset(
 
     grid = np.arange(-reach, reach + period / 4, period / 2)
     coarse = max(len(rows[0]) // COARSE_TAGS, 1)
-    per_block = max(_BLOCK_VIEWS * coarse // len(rows[0]), 1)
+    per_block = max(_BLOCK_VIEWS * coarse // (len(rows[0]) * len(second.ids)), 1)
     values = np.concatenate(
         [misses(grid[k : k + per_block], coarse) for k in range(0, len(grid), per_block)]
     )
@@ -142,10 +142,10 @@ def find_offset(
     cost_after, cost_before, earlier, later = misses(
         np.array([offset_found, 0.0, offset_found - step, offset_found + step])
     )
-    curvature = max((earlier + later - 2 * cost_after) / step**2, 1e-12)
-    sigma = float(np.sqrt(2 * cost_after / curvature / max(len(rows[0]) - 1, 1)))
     if cost_after > MAX_AGREEMENT_PX**2:
         return None  # the cameras agree at no offset within reach
+    curvature = max((earlier + later - 2 * cost_after) / step**2, 1e-12)
+    sigma = float(np.sqrt(2 * cost_after / curvature / max(len(rows[0]) - 1, 1)))
     return Offset(
         float(offset_found), sigma, float(np.sqrt(cost_before)), float(np.sqrt(cost_after))
     )

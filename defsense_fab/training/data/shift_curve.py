@@ -14,6 +14,7 @@ from ...decoding.signal_history import Past, interpolate_at
 
 # Times at which the series are compared: at most the first number, fewer for many shifts.
 _MAX_POINTS, _MAX_POINTS_OF_ALL, _MIN_MAX_POINTS = 2500, 200_000, 1000
+_SHIFTS_AT_ONCE = 20  # for which values are looked up, to limit memory
 _MIN_POINTS = 100
 _MAX_GAP_S = 0.35  # between values that are interpolated
 _RIDGE = 3e-3  # of an input's variance
@@ -160,9 +161,7 @@ def compare_shifts(
 
 
 def _values(time: Float, values: Float, at: Float, change_s: float) -> Float:
-    """Return values (n, d) at times (t,) that `_is_known` accepts, or their changes."""
-    if len(time) < 2:
-        return np.empty((0, values.shape[1]))
+    """Return values (n, d), or their changes, at times (t,) that `_is_known` accepts: (t, d)."""
     weights = _interpolation(time, at)
     if change_s:
         weights = weights - _interpolation(time, at - change_s)
@@ -172,7 +171,7 @@ def _values(time: Float, values: Float, at: Float, change_s: float) -> Float:
 def _interpolation(time: Float, at: Float) -> sp.csr_array:
     """Return the matrix (t, n) that interpolates linearly between the n times of samples."""
     after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
-    x = (at - time[after - 1]) / (time[after] - time[after - 1])
+    x = np.clip((at - time[after - 1]) / (time[after] - time[after - 1]), 0.0, 1.0)
     weights, samples = np.stack([1 - x, x], axis=1), np.stack([after - 1, after], axis=1)
     rows = np.arange(0, 2 * len(at) + 1, 2)
     return sp.csr_array((weights.ravel(), samples.ravel(), rows), (len(at), len(time)))
@@ -197,7 +196,8 @@ def _common_points(pair: Pair, shifts: Float, change_s: float) -> Float:
     is_known = np.ones(len(time), bool)
     for before in (time, time - change_s) if change_s else (time,):
         is_known &= _is_known(pair.effect_time, before)
-        is_known &= _is_known(pair.cause_time, before + shifts[:, None]).all(axis=0)
+        for some in np.array_split(shifts, -(-len(shifts) // _SHIFTS_AT_ONCE)):
+            is_known &= _is_known(pair.cause_time, before + some[:, None]).all(axis=0)
     return time[is_known]
 
 

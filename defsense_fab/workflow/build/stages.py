@@ -300,10 +300,10 @@ def stage_keys(device: Device, folder: Path, versions: Versions | None = None) -
 
 
 @cache
-def installed_versions() -> dict[str, list[tuple[str, str | None]]]:
+def installed_versions() -> Versions:
     """Return the installed version of each stage's libraries, without importing them.
 
-    They are found once per process, which keeps what it has imported anyway.
+    They are found once per process.
 
     Returns:
         By stage, the distributions with their versions; None for those that are not installed.
