@@ -22,10 +22,11 @@ int run_place_cord(const Arg *a)
     const int64_t *rows = a[1].data;
     double reach = a[5].number, *stack = a[6].data, *pivot = a[7].data, *axes = a[8].data;
     double *turns = a[9].data, *local = a[10].data, *points = a[11].data;
-    int64_t free_rows = a[1].size[0], all_rows = a[6].size[0], frame = 2 * free_rows;
+    int64_t free_rows = a[1].size[0], all_rows = a[6].size[0], dims = a[6].size[1];
+    int64_t frame = dims * free_rows;
     for (int64_t r = 0; r < free_rows; r++)
-        for (int i = 0; i < 2; i++)
-            stack[2 * rows[r] + i] += x[2 * r + i];
+        for (int64_t i = 0; i < dims; i++)
+            stack[dims * rows[r] + i] += x[dims * r + i];
     if (a[9].size[0]) {
         for (int k = 0; k < 3; k++)
             memcpy(turns + 9 * k, axes, 9 * sizeof(double));
@@ -43,18 +44,20 @@ int run_place_cord(const Arg *a)
         }
     }
     for (int64_t p = 0; p < a[2].size[0]; p++) {
-        double u = -center[0], v = -center[1];
+        double *at = local + dims * p;
+        for (int64_t i = 0; i < dims; i++)
+            at[i] = -center[i];
         for (int64_t r = 0; r < all_rows; r++) {
             double w = basis[all_rows * p + r];
-            if (w != 0.0) { /* a point follows the four rows of its span */
-                u += w * stack[2 * r];
-                v += w * stack[2 * r + 1];
-            }
+            if (w != 0.0) /* a point follows the four rows of its span */
+                for (int64_t i = 0; i < dims; i++)
+                    at[i] += w * stack[dims * r + i];
         }
-        local[2 * p] = u;
-        local[2 * p + 1] = v;
-        for (int d = 0; d < 3; d++)
-            points[3 * p + d] = pivot[d] + u * axes[3 * d] + v * axes[3 * d + 1];
+        for (int d = 0; d < 3; d++) {
+            points[3 * p + d] = pivot[d];
+            for (int64_t i = 0; i < dims; i++)
+                points[3 * p + d] += at[i] * axes[3 * d + i];
+        }
     }
     return DONE;
 }
@@ -62,38 +65,37 @@ int run_place_cord(const Arg *a)
 /* How samples of a cord follow its parameters; see PlacedCord. */
 typedef struct {
     const double *basis, *local, *axes, *turns, *moves;
-    int64_t rows, is_turning;
+    int64_t rows, dims, is_turning; /* 2 dimensions in a plane, 3 in space */
 } Placed;
 enum { PLACED_ARGS = 5 };
 
 static Placed read_placed(const Arg *a)
 {
-    Placed placed = {a[0].data, a[1].data,    a[2].data,   a[3].data,
-                     a[4].data, a[0].size[1], a[3].size[0]};
+    Placed placed = {a[0].data, a[1].data,    a[2].data,    a[3].data,
+                     a[4].data, a[0].size[1], a[1].size[1], a[3].size[0]};
     return placed;
 }
 
 /* Add the derivatives by the points (p, 3, s), propagated to the parameters, to `out`. */
 HOT static void pull(const Placed *of, const double *by_points, int64_t points, int64_t states,
-                     double *RESTRICT u, double *RESTRICT v, double *RESTRICT total,
-                     double *RESTRICT moment, double *RESTRICT out)
+                     double *RESTRICT turned, double *RESTRICT total, double *RESTRICT moment,
+                     double *RESTRICT out)
 {
     const double *axes = of->axes;
-    int64_t rows = of->rows;
+    int64_t rows = of->rows, dims = of->dims;
     for (int64_t p = 0; p < points; p++) {
         const double *x = by_points + 3 * states * p, *y = x + states, *z = y + states;
-        for (int64_t s = 0; s < states; s++) {
-            u[s] = x[s] * axes[0] + y[s] * axes[3] + z[s] * axes[6];
-            v[s] = x[s] * axes[1] + y[s] * axes[4] + z[s] * axes[7];
-        }
+        for (int64_t i = 0; i < dims; i++)
+            for (int64_t s = 0; s < states; s++)
+                turned[states * i + s] =
+                    x[s] * axes[i] + y[s] * axes[3 + i] + z[s] * axes[6 + i];
         for (int64_t r = 0; r < rows; r++) {
             double w = of->basis[rows * p + r];
             if (w == 0.0)
                 continue;
-            for (int64_t s = 0; s < states; s++)
-                out[2 * states * r + s] += w * u[s];
-            for (int64_t s = 0; s < states; s++)
-                out[states * (2 * r + 1) + s] += w * v[s];
+            double *row = out + dims * states * r;
+            for (int64_t k = 0; k < dims * states; k++)
+                row[k] += w * turned[k];
         }
         if (!of->is_turning)
             continue;
@@ -102,11 +104,11 @@ HOT static void pull(const Placed *of, const double *by_points, int64_t points, 
         for (int64_t d = 0; d < 3; d++)
             for (int64_t i = 0; i < 2; i++)
                 for (int64_t s = 0; s < states; s++)
-                    moment[states * (2 * d + i) + s] += of->local[2 * p + i] * x[states * d + s];
+                    moment[states * (2 * d + i) + s] += of->local[dims * p + i] * x[states * d + s];
     }
     if (!of->is_turning)
         return;
-    out += 2 * rows * states;
+    out += dims * rows * states;
     for (int64_t d = 0; d < 3; d++)
         for (int64_t s = 0; s < states; s++) {
             for (int64_t m = 0; m < 2; m++)
@@ -122,11 +124,11 @@ int run_pull_points(const Arg *a)
 {
     Placed of = read_placed(a);
     int64_t states = a[PLACED_ARGS].size[2];
-    double *scratch = calloc((size_t)(11 * states + 1), sizeof(double));
+    double *scratch = calloc((size_t)(12 * states + 1), sizeof(double));
     if (!scratch)
         return OUT_OF_MEMORY;
-    pull(&of, a[PLACED_ARGS].data, a[0].size[0], states, scratch, scratch + states,
-         scratch + 2 * states, scratch + 5 * states, a[PLACED_ARGS + 1].data);
+    pull(&of, a[PLACED_ARGS].data, a[0].size[0], states, scratch, scratch + 3 * states,
+         scratch + 6 * states, a[PLACED_ARGS + 1].data);
     free(scratch);
     return DONE;
 }
@@ -134,20 +136,20 @@ int run_pull_points(const Arg *a)
 /* Add the derivatives of the motion of sample i along a direction (3) to a row. */
 static void add_move(const Placed *of, int64_t i, const double *direction, double *row)
 {
-    const double *axes = of->axes, *local = of->local + 2 * i, *basis = of->basis + of->rows * i;
-    double x = direction[0], y = direction[1], z = direction[2];
-    double u = x * axes[0] + y * axes[3] + z * axes[6];
-    double v = x * axes[1] + y * axes[4] + z * axes[7];
+    int64_t dims = of->dims;
+    const double *axes = of->axes, *local = of->local + dims * i, *basis = of->basis + of->rows * i;
+    double turned[3];
+    for (int64_t k = 0; k < dims; k++)
+        turned[k] = direction[0] * axes[k] + direction[1] * axes[3 + k] + direction[2] * axes[6 + k];
     for (int64_t r = 0; r < of->rows; r++) {
         double w = basis[r];
-        if (w != 0.0) {
-            row[2 * r] += w * u;
-            row[2 * r + 1] += w * v;
-        }
+        if (w != 0.0)
+            for (int64_t k = 0; k < dims; k++)
+                row[dims * r + k] += w * turned[k];
     }
     if (!of->is_turning)
         return;
-    row += 2 * of->rows;
+    row += dims * of->rows;
     for (int d = 0; d < 3; d++) {
         for (int m = 0; m < 2; m++)
             row[m] += direction[d] * of->moves[3 * m + d];

@@ -15,7 +15,7 @@
 
 enum { MAX_ARGS = 32 };
 
-#define PLACED "d:p,r d:p,2 d:3,3 d:t,3,3 d:2,3"
+#define PLACED "d:p,r d:p,e d:3,3 d:t,3,3 d:2,3"
 #define GRID "d:3 x l:3 l:* l:* d:e,3 d:e,4,3"
 #define TETS "l:e,10 d:e,4,3 d:n,3s"
 #define ANSWER "t x x x d:b d:b+1 d:b+1,4"
@@ -59,7 +59,7 @@ enum { MAX_ARGS = 32 };
       "Fill the derivatives of lines' signals by their points.")                                   \
     X(pull_signals, "d:p,3 l:m+1 " TETS " d:s,m l:p d:p,4 d:p,3s d:p,s d:m,3,s d:2,?p,s D:p,3",    \
       "Fill the derivatives by the points of a function of the signals.")                          \
-    X(place_cord, "d:* l:f d:p,r d:2 d:2,3 x D:r,2 D:3 D:3,3 D:t,3,3 D:p,2 D:p,3",                 \
+    X(place_cord, "d:* l:f d:p,r d:e d:2,3 x D:r,e D:3 D:3,3 D:t,3,3 D:p,e D:p,3",                 \
       "Place a cord at parameters.")                                                               \
     X(pull_points, PLACED " d:p,3,s D:*,s", "Add derivatives by points to those by parameters.")   \
     X(add_runs, "d:p,3 d:2 k D:*,3", "Extend a path by straight runs.")                            \

@@ -1,4 +1,4 @@
-"""Paths of cords: planes, planar cubic Hermite curves in them, and points sampled along the curves.
+"""Paths of sensors: planes, cubic Hermite curves in a plane or in space, and points along them.
 
 Points lie at uniform curve parameters, the same number in every span, so that they depend linearly
 on control points and tangents: the derivatives of the optimizer rely on that. How many points are
@@ -99,19 +99,27 @@ class Plane:
         return square < 1e-12 and abs(float((self.origin - other.origin) @ other.normal)) < 1e-4
 
     def to_world(self, points: Float) -> Float:
-        """Transform points (..., 2) in the plane to the rest frame (..., 3), mm."""
-        return np.asarray(self.origin + points @ self.axes[:, :2].T)
+        """Transform points (..., 2) in the plane, or (..., 3) in its frame, to the rest frame, mm."""
+        return np.asarray(self.origin + self.turn(points))
+
+    def turn(self, vectors: Float) -> Float:
+        """Transform directions (..., 2) in the plane, or (..., 3) in its frame, to the rest frame."""
+        return np.asarray(vectors @ self.axes[:, : vectors.shape[-1]].T)
+
+
+#: Frame of paths in space: their points are in the rest frame.
+REST_FRAME = Plane(np.zeros(3), np.eye(3))
 
 
 @dataclass(frozen=True)
 class Hermite:
-    """Piecewise cubic Hermite curve in a plane.
+    """Piecewise cubic Hermite curve in a plane or in space.
 
     Span i covers t in [i, i + 1], from points[i] to points[i + 1], with the given derivatives by t.
 
     Attributes:
-        points: Control points (k, 2), k >= 2, mm.
-        tangents: Derivatives (k, 2) at the control points, mm.
+        points: Control points (k, 2) or (k, 3), k >= 2, mm.
+        tangents: Derivatives (k, 2) or (k, 3) at the control points, mm.
 
     Raises:
         ValueError: A shape is wrong, or a number is not finite.
@@ -121,15 +129,21 @@ class Hermite:
     tangents: Float
 
     def __post_init__(self) -> None:
-        if self.points.ndim != 2 or self.points.shape[1] != 2 or len(self.points) < 2:
-            raise ValueError("a path needs at least two control points, each [x, y]")
+        shape = self.points.shape
+        if len(shape) != 2 or shape[1] not in (2, 3) or shape[0] < 2:
+            raise ValueError("a path needs at least two control points, each [x, y] or [x, y, z]")
         if self.tangents.shape != self.points.shape:
             raise ValueError("a path needs one tangent for each control point")
         if not (np.isfinite(self.points).all() and np.isfinite(self.tangents).all()):
             raise ValueError("control points and tangents must be finite numbers")
 
+    @property
+    def is_planar(self) -> bool:
+        """Whether the curve is in a plane, with points [x, y]."""
+        return self.points.shape[1] == 2
+
     def sample(self, per_span: int) -> Float:
-        """Return the points ((k - 1) * per_span + 1, 2) at uniform t, mm."""
+        """Return the points ((k - 1) * per_span + 1, 2 or 3) at uniform t, mm."""
         basis = hermite_basis(len(self.points), per_span)[0]
         return np.asarray(basis @ np.concatenate([self.points, self.tangents]))
 
@@ -142,10 +156,10 @@ def catmull_rom(points: Float) -> Float:
     Catmull-Rom, chordal, scaled to the shorter span).
 
     Args:
-        points: Control points (..., k, 2), mm.
+        points: Control points (..., k, 2) or (..., k, 3), mm.
 
     Returns:
-        Tangents (..., k, 2), mm.
+        Tangents of the same shape, mm.
     """
     step = np.diff(points, axis=-2)
     length = np.maximum(np.linalg.norm(step, axis=-1, keepdims=True), 1e-12)
@@ -166,7 +180,7 @@ def hermite_basis(count: int, per_span: int) -> tuple[Float, Float, Float]:
         per_span: Steps of t in each span.
 
     Returns:
-        Three read-only matrices that map [points; tangents] (2k, 2). The first gives positions at
+        Three read-only matrices that map [points; tangents] (2k, 2 or 3). The first gives positions at
         ((k - 1) * per_span + 1) uniform t. The others give the first and second derivatives by t
         at both ends and at the inner t of every span, ((k - 1) * (per_span + 1)), since the
         curvature jumps at control points.
@@ -194,11 +208,11 @@ def hermite_basis(count: int, per_span: int) -> tuple[Float, Float, Float]:
 
 
 def curvature(points: Float, tangents: Float, per_span: int) -> Float:
-    """Return the signed curvature of Hermite curves.
+    """Return the curvature of Hermite curves, with a sign in a plane.
 
     Args:
-        points: Control points (..., k, 2), mm.
-        tangents: Tangents (..., k, 2), mm.
+        points: Control points (..., k, 2) or (..., k, 3), mm.
+        tangents: Tangents of the same shape, mm.
         per_span: Steps of the curve parameter in each span.
 
     Returns:
@@ -208,6 +222,8 @@ def curvature(points: Float, tangents: Float, per_span: int) -> Float:
     stack = np.concatenate([points, tangents], axis=-2)
     d, dd = first @ stack, second @ stack
     speed = np.maximum(np.linalg.norm(d, axis=-1), 1e-12)
+    if points.shape[-1] == 3:
+        return np.asarray(np.linalg.norm(np.cross(d, dd), axis=-1) / speed**3)
     return np.asarray((d[..., 0] * dd[..., 1] - d[..., 1] * dd[..., 0]) / speed**3)
 
 
@@ -245,16 +261,16 @@ def distinct_planes(planes: Sequence[Plane]) -> list[Plane]:
     return [planes[group[0]] for group in group_coincident_planes(planes)]
 
 
-class PlanarPath(Protocol):
-    """Object with a curve in a plane, such as a sensor of a device."""
+class FramedPath(Protocol):
+    """Object with a curve in a frame, such as a sensor of a device."""
 
     @property
     def plane(self) -> Plane:
-        """Plane of the path."""
+        """Plane of the path, or the frame of a path in space."""
 
     @property
     def curve(self) -> Hermite:
-        """Curve in that plane."""
+        """Curve in that plane or frame."""
 
 
 def per_span_for_signal(curve: Hermite) -> int:
@@ -276,7 +292,7 @@ def per_span_for_sag(curve: Hermite, sag: float) -> int:
     return int(np.clip(np.ceil(np.sqrt(bend / (8 * sag))), 8, 400))
 
 
-def sample_path(path: PlanarPath, per_span: int | None = None) -> Float:
+def sample_path(path: FramedPath, per_span: int | None = None) -> Float:
     """Return points along a path in the rest frame.
 
     Args:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..arrays import Float
-from ..curve import Hermite, Plane
+from ..curve import REST_FRAME, Hermite, Plane
 from ..response import MeasuredResponse, ResponseSpec
 from .regions import Shape
 
@@ -322,25 +322,36 @@ class FabricationSpec:
 
 #: Freedoms of a cord's plane: position and direction, or position only.
 PLANE_FREEDOMS = frozenset({"plane", "offset"})
-#: Freedoms of a cord, which the optimizer may use.
-FREEDOMS = ("path", "plane", "offset")
+#: Freedoms of a sensor, which the optimizer may use.
+FREEDOMS = ("path", "plane", "offset", "ends")
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """One cord in the device.
+    """One cord or trace in the device.
 
     Attributes:
         name: Name of the sensor.
-        plane: Plane of its path.
-        curve: Path in the plane.
-        free: Freedoms that the optimizer may use, names in `FREEDOMS`.
+        plane: Plane of its path; the rest frame for a path in space.
+        curve: Path in the plane, or in space.
+        free: Freedoms that the optimizer may use, names in `FREEDOMS`: "plane" and "offset" for
+            planar paths, "ends" for paths in space.
     """
 
     name: str
     plane: Plane
     curve: Hermite
     free: frozenset[str] = frozenset()
+
+    def in_space(self) -> Sensor:
+        """Return the sensor with its path in space; a path that is free may then move its ends."""
+        if not self.curve.is_planar:
+            return self
+        points, tangents = self.plane.to_world(self.curve.points), self.plane.turn(
+            self.curve.tangents
+        )
+        free = frozenset({"path", "ends"}) if self.free else self.free
+        return replace(self, plane=REST_FRAME, curve=Hermite(points, tangents), free=free)
 
 
 #: Kinds of maps from readings to positions; see `decoding/decoders.py`.

@@ -72,7 +72,7 @@ def exit_distances(sensor: Sensor, surface: Surface) -> Float:
     A length is infinite if the run does not leave the body.
     """
     ends = sensor.plane.to_world(sensor.curve.points[[0, -1]])
-    tangents = sensor.curve.tangents[[0, -1]] @ sensor.plane.axes[:, :2].T
+    tangents = sensor.plane.turn(sensor.curve.tangents[[0, -1]])
     rays = [
         surface_queries.cast_ray(e, t, surface)
         for e, t in zip(ends, [-tangents[0], tangents[1]], strict=True)

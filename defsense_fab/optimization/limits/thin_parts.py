@@ -53,7 +53,7 @@ class ThinParts:
 
     def __call__(self, sensors: Sequence[Sensor]) -> bool:
         """Return whether a layout leaves slivers."""
-        return self._find_sliver(sensors) is not None
+        return self._limits.is_cut and self._find_sliver(sensors) is not None
 
     def guard(
         self, cords: Sequence[CordParameters], old: Float, new: Float
@@ -70,6 +70,8 @@ class ThinParts:
         Returns:
             Value (1,) mm and derivatives (1, size) of the inequality, or None without a sliver.
         """
+        if not self._limits.is_cut:
+            return None
         ends = np.cumsum([0, *(c.size for c in cords)])
         parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
         placed = [place_cord(c, new[p]) for c, p in zip(cords, parts, strict=True)]

@@ -19,9 +19,9 @@ class PlacedCord:
 
     Attributes:
         cord: The parameters' definition.
-        stack: (2 k, 2) mm, control points above tangents.
+        stack: (2 k, d) mm, control points above tangents; d is 2 in a plane and 3 in space.
         points: (p, 3) mm, samples of the path in the rest frame.
-        local: (p, 2) mm, the same samples in the plane, relative to the pivot.
+        local: (p, d) mm, the same samples in the plane or frame, relative to the pivot.
         pivot: (3,) mm, the point that the plane turns about.
         axes: (3, 3), axes of the plane in columns.
         turns: (t, 3, 3), derivatives of the axes by the turns; t = 3, or 0 for a fixed plane.
@@ -38,7 +38,9 @@ class PlacedCord:
     def sensor(self) -> Sensor:
         """Return the sensor at these parameters."""
         cord, k = self.cord, len(self.stack) // 2
-        plane = Plane(self.pivot - self.axes[:, :2] @ cord.center, self.axes)
+        plane = cord.sensor.plane
+        if cord.has_plane:
+            plane = Plane(self.pivot - self.axes[:, :2] @ cord.center, self.axes)
         return replace(cord.sensor, plane=plane, curve=Hermite(self.stack[:k], self.stack[k:]))
 
     @property
@@ -82,27 +84,41 @@ class PlacedCord:
         least = cord.least_speed
         speed = np.linalg.norm(d, axis=1)
         scale = np.maximum(speed, least)
-        cross = d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]
-        turn = radius * np.where(cross < 0, -1.0, 1.0) / scale**3
-        value = np.concatenate([1 - turn * cross, speed / least - 1])
+        bend, by_first, by_second = _bending(d, dd)
+        turn = radius / scale**3
+        value = np.concatenate([1 - turn * bend, speed / least - 1])
         f, s = cord.first[:, cord.rows], cord.second[:, cord.rows]
         derivative = np.zeros((2 * k, cord.size))
-        inside = derivative[:, : 2 * len(cord.rows)]
+        dimensions = d.shape[1]
+        inside = derivative[:, : dimensions * len(cord.rows)]
         # Derivative by the square of the speed.
-        grown = np.where(speed > least, 3 * turn * cross / scale**2, 0.0)
-        for axis, by_cross in enumerate(
-            (f * dd[:, 1:] - d[:, 1:] * s, d[:, :1] * s - f * dd[:, :1])
-        ):
+        grown = np.where(speed > least, 3 * turn * bend / scale**2, 0.0)
+        for axis in range(dimensions):
+            by_bend = by_first[:, axis, None] * f + by_second[:, axis, None] * s
             by_square = d[:, axis, None] * f
-            inside[:k, axis::2] = grown[:, None] * by_square - turn[:, None] * by_cross
-            inside[k:, axis::2] = by_square / np.maximum(speed * least, 1e-9)[:, None]
+            inside[:k, axis::dimensions] = grown[:, None] * by_square - turn[:, None] * by_bend
+            inside[k:, axis::dimensions] = by_square / np.maximum(speed * least, 1e-9)[:, None]
         return value, derivative
+
+
+def _bending(d: Float, dd: Float) -> tuple[Float, Float, Float]:
+    """Return |d x dd| of first and second derivatives (q, 2 or 3), and its derivatives by both."""
+    if d.shape[1] == 2:
+        cross = d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]
+        sign = np.where(cross < 0, -1.0, 1.0)[:, None]
+        by_first = sign * np.stack([dd[:, 1], -dd[:, 0]], axis=1)
+        by_second = sign * np.stack([-d[:, 1], d[:, 0]], axis=1)
+        return np.abs(cross), by_first, by_second
+    cross = np.cross(d, dd)
+    size = np.linalg.norm(cross, axis=1)
+    unit = cross / np.maximum(size, 1e-12)[:, None]
+    return size, np.cross(dd, unit), np.cross(unit, d)
 
 
 def place_cord(cord: CordParameters, x: Float) -> PlacedCord:
     """Place a cord at parameters x (size,) mm."""
     stack, pivot, axes = cord.stack.copy(), cord.pivot.copy(), cord.sensor.plane.axes.copy()
-    points, local = np.empty((len(cord.basis), 3)), np.empty((len(cord.basis), 2))
+    points, local = np.empty((len(cord.basis), 3)), np.empty((len(cord.basis), stack.shape[1]))
     turns = np.empty((3 if cord.has_plane else 0, 3, 3))
     kernels.place_cord(
         x, cord.rows, cord.basis, cord.center, cord.moves, cord.reach, stack, pivot, axes, turns,

@@ -22,9 +22,10 @@ _LENGTH_DECIMALS, _DIRECTION_DECIMALS = 4, 6
 
 
 class CordParameters:
-    """The free parameters of one sensor, all in mm: interior control points, tangents and plane.
+    """The free parameters of one sensor, all in mm: control points, tangents and plane.
 
-    The first and last two control points and the end tangents stay fixed in the plane's frame. The
+    The first and last two control points and the end tangents stay fixed in the plane's frame,
+    unless the ends of a path in space are free: then all points and tangents are parameters. The
     frame moves along its normal and, in the plane, across the path's chord, and turns about the
     path's middle; a turn counts as the movement it causes at half the path's extent. If the plane
     is free but keeps its direction, the turns that change the direction must stay zero.
@@ -36,13 +37,13 @@ class CordParameters:
 
     Attributes:
         sensor: The sensor.
-        stack: (2 k, 2) mm, control points above tangents.
+        stack: (2 k, d) mm, control points above tangents; d is 2 in a plane and 3 in space.
         rows: (r,) numbers of the free rows of `stack`.
         has_plane: Whether the plane is free.
         tilts: Whether the plane's direction is free.
         size: Number of parameters.
         moves: (2, 3) unit directions of the frame's moves.
-        center: (2,) mm, the point of the plane that the frame turns about.
+        center: (d,) mm, the point of the plane that the frame turns about.
         pivot: (3,) mm, the same point in the rest frame.
         reach: Half the path's extent, mm.
         basis: (p, 2 k), maps `stack` to the samples of the path.
@@ -54,14 +55,20 @@ class CordParameters:
 
     def __init__(self, sensor: Sensor, lead: CordParameters | None = None) -> None:
         curve, self.sensor = sensor.curve, sensor
-        k = len(curve.points)
+        k, dimensions = curve.points.shape
         self.stack = np.concatenate([curve.points, curve.tangents])
         rows = [*range(2, k - 2), *range(k + 1, 2 * k - 1)] if "path" in sensor.free else []
+        if "ends" in sensor.free:
+            rows = [*range(2 * k)]
         self.rows = np.array(rows, int)
         self.has_plane = not sensor.free.isdisjoint(PLANE_FREEDOMS)
         self.tilts = "plane" in sensor.free
-        self.size = 2 * len(rows) + FRAME_SIZE * self.has_plane
-        if lead is None:
+        self.size = dimensions * len(rows) + FRAME_SIZE * self.has_plane
+        if not curve.is_planar:
+            self.moves, self.reach = np.zeros((2, 3)), 1.0  # the frame does not move
+            self.center = (curve.points.min(0) + curve.points.max(0)) / 2
+            self.pivot = sensor.plane.to_world(self.center)
+        elif lead is None:
             chord = curve.points[-1] - curve.points[0]
             side = np.array([-chord[1], chord[0]]) if np.linalg.norm(chord) > 1e-6 else np.eye(2)[1]
             side = sensor.plane.axes[:, :2] @ side / np.linalg.norm(side)
@@ -132,7 +139,9 @@ def effective_freedom(sensor: Sensor, sensors: Sequence[Sensor]) -> frozenset[st
         sensor: The cord.
         sensors: All cords of the layout, the cord included.
     """
-    freedoms = [s.free for s in sensors if s.plane.coincides(sensor.plane)]
+    if not sensor.curve.is_planar:
+        return sensor.free
+    freedoms = [s.free for s in _in_plane_of(sensor, sensors)]
     if not all(free & PLANE_FREEDOMS for free in freedoms):
         return sensor.free - PLANE_FREEDOMS
     if not all("plane" in free for free in freedoms):
@@ -160,7 +169,7 @@ def _spread_matrix(cords: Sequence[Int]) -> Float:
 
 def _shares_free_plane(cord: CordParameters, sensor: Sensor) -> bool:
     return (
-        cord.has_plane
+        cord.has_plane  # so it is planar
         and not sensor.free.isdisjoint(PLANE_FREEDOMS)
         and cord.sensor.plane.coincides(sensor.plane)
     )
@@ -194,7 +203,12 @@ def round_layout(layout: tuple[Sensor, ...]) -> tuple[Sensor, ...]:
 
 def _first_in_planes(layout: Sequence[Sensor]) -> list[Sensor]:
     """Return for each cord the first cord in its plane."""
-    return [next(s for s in layout if s.plane.coincides(sensor.plane)) for sensor in layout]
+    return [_in_plane_of(s, layout)[0] if s.curve.is_planar else s for s in layout]
+
+
+def _in_plane_of(sensor: Sensor, sensors: Sequence[Sensor]) -> list[Sensor]:
+    """Return the planar cords in the plane of one of them."""
+    return [s for s in sensors if s.curve.is_planar and s.plane.coincides(sensor.plane)]
 
 
 def _is_same_frame(a: Plane, b: Plane) -> bool:

@@ -73,6 +73,7 @@ class Limits:
         shortest: Smallest length of a channel from surface to surface.
         longest: Largest length of a channel.
         pocket: Length and diameter of the pockets at a channel's ends, zero without pockets.
+        is_cut: Whether the body is cut along the planes; it is not around printed traces.
     """
 
     wall: float
@@ -83,6 +84,7 @@ class Limits:
     shortest: float = 0.0
     longest: float = np.inf
     pocket: tuple[float, float] = (0.0, 0.0)
+    is_cut: bool = True
 
     @property
     def lengths(self) -> str:

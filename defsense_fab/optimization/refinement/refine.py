@@ -42,6 +42,7 @@ LayoutCallback = Callable[[Layout, float], None]
 
 _SHORT_ITERATIONS, _LONG_ITERATIONS = 15, 40  # of the first descents, and of the final ones
 MIN_SPARSE_SIZE = 150  # parameters of all cords from which sparse products are faster
+_MOVED_LIFTS = 2  # copies of a planar layout that start in space from other places
 _FINISH_ROUNDS = 3  # descents in a row that finish a layout, at most
 _SHORT_TOLERANCE, _FINISH_TOLERANCE = 1e-3, 2e-4  # smallest relative gain per iteration
 _CONVERGENCE_RTOL = 2e-3  # relative gain of a descent below which a layout is finished
@@ -117,7 +118,7 @@ def optimize_layout(
     Thousands of candidates for each cord are screened, and several layouts are selected from random
     shares of them. With a limit on planes and no extra cords, randomly moved copies of the drawing
     take their place. All of them and the drawing take a short descent, and the best continue until
-    they converge. Only layouts that pass an independent check compete, and one whose planes leave
+    they converge. A search in space continues from the best planar layout. Only layouts that pass an independent check compete, and one whose planes leave
     slivers loses to any that leaves none. Cords that are selected in one plane stay in it.
 
     Args:
@@ -153,8 +154,12 @@ def optimize_layout(
         show = subrange(report, 0.0, 0.25)
         layouts = _start_layouts(problem, drawn, search, rng, show, best)
         initial = initial or (round_layout(layouts[0]) if layouts else ())
-        show = subrange(report, 0.25, 1.0)
+        show = subrange(report, 0.25, 0.5 if search.in_space else 1.0)
         errors.extend(_improve(problem, layouts, search.finalists, best, show, follow))
+        if search.in_space and best.layout:
+            lifted = _lift(best.layout, rng)
+            show = subrange(report, 0.5, 1.0)
+            errors.extend(_improve(problem, lifted, search.finalists, best, show, follow))
         report(1.0, f"best {best.rank[1]:.3g} mm")
     except Cancelled:
         if not best.layout:
@@ -320,6 +325,16 @@ def _start_layouts(
     if not search.extra and search.normals is None:
         layouts.append(jitter(drawn, rng, tied=False))
     return layouts
+
+
+def _lift(layout: Layout, rng: np.random.Generator) -> list[Layout]:
+    """Return copies of a layout with paths in space, all but the first moved at random.
+
+    A planar path may be a saddle point: a body that is symmetric about its plane has no slope
+    across it.
+    """
+    lifted = tuple(s.in_space() for s in layout)
+    return [lifted, *(jitter(lifted, rng, tied=False) for _ in range(_MOVED_LIFTS))]
 
 
 def _improve(

@@ -31,7 +31,8 @@ def vary_sensor(
 
     Planes are moved and, unless they keep their direction, rolled about the path's chord by up to
     90 degrees either way, and tilted. Paths get a sum of sine waves across their chord. The first
-    and last control points and the end tangents stay in the plane.
+    and last control points and the end tangents stay in the plane. Paths in space get waves in all
+    directions.
 
     Args:
         sensor: The sensor.
@@ -63,8 +64,13 @@ def vary_sensor(
         pivot = sensor.plane.to_world(parameters.center) + offset[:, None] * sensor.plane.normal
         origins = pivot - axes[:, :, :2] @ parameters.center
     batch = CandidateBatch(sensor, origins, axes, points, tangents)
-    if "path" in sensor.free and k > 4:
-        batch = batch.waved(_waves(n, k, rng), size)
+    if "path" not in sensor.free or k <= 4:
+        return batch
+    if sensor.curve.is_planar:
+        return batch.waved(_waves(n, k, rng), size)
+    waves = np.stack([_waves(n, k, rng) for _ in range(3)], axis=2)
+    points[:, 2:-2] += (waves * size[:, None, None])[:, 2:-2]
+    tangents[1:, 1:-1] = catmull_rom(points[1:])[:, 1:-1]
     return batch
 
 

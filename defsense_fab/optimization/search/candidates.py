@@ -35,8 +35,8 @@ class CandidateBatch:
         like: Sensor whose name and freedom the candidates have.
         origins: (c, 3) mm, origins of the planes.
         axes: (c, 3, 3), axes of the planes in columns.
-        points: (c, k, 2) mm, control points.
-        tangents: (c, k, 2) mm, tangents.
+        points: (c, k, 2) mm, control points; (c, k, 3) for paths in space.
+        tangents: Tangents of the same shape, mm.
     """
 
     like: Sensor
@@ -52,7 +52,11 @@ class CandidateBatch:
         """Return `count` points of each path, evenly spaced in the parameter, (c, count, 3) mm."""
         few = hermite_basis(self.points.shape[1], 24)[0][self.at(count)]
         local = few @ np.concatenate([self.points, self.tangents], axis=1)
-        return np.asarray(self.origins[:, None] + local @ self.axes[:, :, :2].swapaxes(1, 2))
+        return np.asarray(self.origins[:, None] + self._turn(local))
+
+    def _turn(self, local: Float) -> Float:
+        """Return directions (c, n, 2 or 3) in the candidates' frames in the rest frame."""
+        return np.asarray(local @ self.axes[:, :, : local.shape[2]].swapaxes(1, 2))
 
     def at(self, count: int) -> Int:
         """Return the numbers of the samples, 24 a span, that `paths` takes."""
@@ -61,12 +65,12 @@ class CandidateBatch:
 
     def out(self) -> Float:
         """Return the unit directions (c, 2, 3) of the straight runs from the paths' ends."""
-        ends = self.tangents[:, [0, -1]] @ self.axes[:, :, :2].swapaxes(1, 2)
+        ends = self._turn(self.tangents[:, [0, -1]])
         size = np.maximum(np.linalg.norm(ends, axis=2, keepdims=True), 1e-12)
         return np.asarray(ends / size * np.array([[-1.0], [1.0]]))
 
     def waved(self, waves: Float, size: Float) -> CandidateBatch:
-        """Add waves across the paths' chords.
+        """Add waves across the chords of planar paths.
 
         The first and last two control points and the end tangents stay, and so do paths with waves
         of size 0.

@@ -116,6 +116,7 @@ class LayoutSearch:
         starts: Number of layouts to descend from.
         finalists: Number of descents that continue until they converge.
         candidates: Number of candidates per cord.
+        in_space: Whether descents continue with paths in space, which needs no plane.
     """
 
     extra: int = 0
@@ -124,6 +125,7 @@ class LayoutSearch:
     starts: int = 6
     finalists: int = 1
     candidates: int = 3000
+    in_space: bool = False
 
 
 @dataclass(frozen=True)
