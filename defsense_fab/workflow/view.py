@@ -13,6 +13,7 @@ from ..core.arrays import Bool, Float, Int
 from ..core.machine.local_access import Access
 from ..runtime.view.live_scene import LINES as LINES
 from ..runtime.view.live_scene import look_at_body as look_at_body
+from ..runtime.view.live_scene import place_camera as place_camera
 from ..runtime.view.live_scene import tube_faces as tube_faces
 from ..runtime.view.live_scene import tube_vertices as tube_vertices
 from ..runtime.view.live_view import PagePlace as PagePlace

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -36,7 +37,33 @@ _TUBE_SIDES = 8
 _NEIGHBORS = 400  # so many lie on all sides of a point, not on the nearest face alone
 
 
+_LOOK_STEP, _LOOK_STEPS = 1e-4, 5  # of the distance from the camera; viser's tolerance is 1e-5
+_looks = itertools.count()
 _views: WeakKeyDictionary[Any, tuple[Float, float]] = WeakKeyDictionary()  # of each server
+
+
+def place_camera(
+    client: Any, position: Float, look_at: Float, up_direction: Float | None = None
+) -> None:
+    """Place the camera of one browser.
+
+    Moving a viser camera also moves the point that it looks at. Viser does not send a point equal
+    to the one that the browser reported last, even if a message that is on its way moves the point.
+    So each call looks a little further along the same line than the last one.
+
+    Args:
+        client: The browser's viser client.
+        position: Position of the camera (3,), mm.
+        look_at: Point (3,) in the middle of the picture, mm.
+        up_direction: Direction (3,) that points up in the picture; by default as before.
+    """
+    if up_direction is not None:
+        client.camera.up_direction = tuple(up_direction)
+    line = look_at - position
+    step = _LOOK_STEP * (1 + np.linalg.norm(look_at) / np.linalg.norm(line))
+    client.camera.position = tuple(position)
+    # Last, because moving the camera changes it.
+    client.camera.look_at = tuple(look_at + (1 + next(_looks) % _LOOK_STEPS) * step * line)
 
 
 def look_at_body(server: Any, vertices: Float) -> None:
@@ -54,9 +81,7 @@ def look_at_body(server: Any, vertices: Float) -> None:
 
     def place(client: Any) -> None:
         center, size = _views[server]
-        client.camera.up_direction = (0.0, 0.0, 1.0)
-        client.camera.position = tuple(center + size * _CAMERA_OFFSET)
-        client.camera.look_at = tuple(center)  # last, because moving the camera changes it
+        place_camera(client, center + size * _CAMERA_OFFSET, center, np.array([0.0, 0.0, 1.0]))
 
     if is_first:  # callbacks cannot be removed
         server.on_client_connect(place)

@@ -19,6 +19,7 @@ from ...workflow.design.draw_cord import (
     plane_section,
     ray_on_plane,
 )
+from ...workflow.view import place_camera
 from ..workbench.workbench import Workbench
 
 _PAPER_COLOR, _OUTLINE_COLOR, _INK_COLOR = (150, 150, 150), (31, 119, 180), (230, 120, 20)
@@ -175,9 +176,7 @@ class _Sketch:
         axes, slope = self._plane.axes, float(np.tan(client.camera.fov / 2))
         distances = self._half_size / np.array([slope * client.camera.aspect, slope])
         position = self._middle + _VIEW_SIZE * float(distances.max()) * axes[:, 2]
-        client.camera.up_direction = axes[:, 1]
-        client.camera.position = position
-        client.camera.look_at = self._middle  # last: the position changes it too
+        place_camera(client, position, self._middle, axes[:, 1])
 
     def close(self) -> None:
         for node in self._nodes.values():

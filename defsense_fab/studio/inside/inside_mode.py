@@ -10,7 +10,7 @@ from ...core.errors import LayoutError
 from ...workflow.design.body_section import BodySection
 from ...workflow.design.layout_judge import LayoutJudge
 from ...workflow.design.next_cord import NextCord, best_sensor, shortest_cord
-from ...workflow.view import intersect_ray
+from ...workflow.view import intersect_ray, place_camera
 from ..edits.cords import add_cord
 from ..edits.edit import free_name
 from ..workbench.latest_worker import LatestWorker
@@ -285,9 +285,7 @@ class InsideMode(Mode):
             return
         position = plane.origin + _VIEW_DISTANCE * self.bench.size * plane.normal
         for client in self.bench.server.get_clients().values():
-            client.camera.up_direction = plane.axes[:, 1]
-            client.camera.position = position
-            client.camera.look_at = plane.origin
+            place_camera(client, position, plane.origin, plane.axes[:, 1])
 
     def _show_error(self, error: Exception) -> None:
         """Show an error next to the section's controls."""

@@ -1,5 +1,7 @@
 """Colors of cords and markers, tube meshes of cords, and points that follow the surface."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -9,6 +11,7 @@ from defsense_fab.runtime.view.live_scene import (
     BODY_COLORS,
     cord_color,
     marker_colors,
+    place_camera,
     skinning_weights,
     tube_faces,
     tube_vertices,
@@ -80,3 +83,49 @@ def test_bend_is_carried_within_a_tenth_of_the_motion():
     inside = rng.uniform([5, -8, -8], [145, 8, 8], (30, 3))
     off = skinning_weights(inside, vertices) @ bent(vertices, 0.5) - bent(inside, 0.5)
     assert np.linalg.norm(off, axis=1).max() < 0.1 * np.abs(bent(inside, 0.5)).max()
+
+
+class RacingCamera:
+    """A viser camera whose browser reports what it shows between two changes.
+
+    Viser sends a changed position with the point moved as far, and no point that equals the one
+    reported last.
+    """
+
+    def __init__(self, reported):
+        self._position, self._look_at = np.full(3, 3.0), np.zeros(3)
+        self._reported, self.shown = reported, {}
+
+    @property
+    def position(self):
+        return self._position
+
+    @position.setter
+    def position(self, value):
+        moved = np.asarray(value) - self._position
+        self.shown["position"] = self._position = np.asarray(value)
+        self.look_at = self._look_at + moved
+        self._look_at = self._reported
+
+    @property
+    def look_at(self):
+        return self._look_at
+
+    @look_at.setter
+    def look_at(self, value):
+        if not np.allclose(self._look_at, value):
+            self.shown["look_at"] = self._look_at = np.asarray(value)
+
+
+def test_a_camera_looks_at_its_point_when_the_browser_reports_late():
+    """The browser reports the point of the first call during the second one."""
+    position, target = np.array([145.0, -155.0, 85.0]), np.array([75.0, 0.0, 0.0])
+    first = RacingCamera(np.zeros(3))
+    place_camera(SimpleNamespace(camera=first), position, target, np.array([0.0, 0.0, 1.0]))
+    assert first.up_direction == (0.0, 0.0, 1.0)
+    second = RacingCamera(first.shown["look_at"])
+    place_camera(SimpleNamespace(camera=second), position, target)
+    assert second.shown["position"] == pytest.approx(position)
+    assert second.shown["look_at"] == pytest.approx(target, abs=0.5)
+    line, shown = target - position, second.shown["look_at"] - position
+    assert np.cross(line, shown) == pytest.approx(np.zeros(3), abs=1e-6 * (line @ line))
