@@ -1,28 +1,24 @@
-"""The tables `[cord]` and `[[sensors]]` of `device.toml`: the kind of cord, and drawn cords."""
+"""The table `[cord]` of `device.toml`: the kind of cord, or the printed traces."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import numpy as np
-from msgspec import Meta
-
-from ..curve import Hermite, Plane, catmull_rom
 from ..response import MeasuredResponse, ResponseSpec, read_measured, read_response
 from ..schema.declare import (
     NonNegative,
     Positive,
     Problem,
     Table,
-    Vector,
     key,
     missing,
     unknown_choice,
 )
 from ..storage.package_data import read_rows
-from .device import COMPRESSION_FACTORS, FREEDOMS, CordSpec, Sensor
+from .device import COMPRESSION_FACTORS, CordSpec
+from .filaments import TraceSpec, read_filaments
 
 #: Keys that replace a row of the catalogue, all from the data sheet of a cord.
 SHEET = ("diameter", "ohm_per_mm", "gauge_factor", "max_strain")
@@ -38,13 +34,59 @@ _ASSUMED = (
 )
 _ROWS = "cords.csv"
 _SHEET_DEFAULT = "the row's; required without a row"
-_MIN_POINT_DISTANCE_MM = 1e-6
-_Points = list[tuple[float, float]]
+
+
+#: What senses: cords that are inserted, or traces that are printed with the body.
+PROCESSES = ("cord", "printed")
+#: Keys that only cords have, and keys that only traces have.
+_CORD_KEYS = ("name", "diameter", "ohm_per_mm", "ferrule_diameter", "ferrule_length", "length")
+_TRACE_KEYS = ("trace", "width", "height", "resistivity")
+#: Quantities of a filament that a device must state without a row.
+_TRACE_SHEET = ("resistivity", "gauge_factor", "max_strain", "modulus")
+#: Of a filament without a row, as assumed for the rows.
+_ASSUMED_FILAMENT = {
+    "across": 2.0, "between_layers": 3.0, "min_width": 0.8, "min_height": 0.6,
+    "noise": 0.003, "contact": 50.0, "spread": 0.15,
+}  # fmt: skip
+_TRACE_WIDTH_MM, _TRACE_HEIGHT_MM = 1.2, 0.8  # three lines of a 0.4 mm nozzle, four layers
+_MIN_BEND_WIDTHS = 2.0  # smallest radius of a trace's path, in widths
 
 
 class CordTable(Table, frozen=True):
-    """The conductive cord that senses the deformation."""
+    """The conductive cord, or the printed traces, that sense the deformation."""
 
+    process: Annotated[
+        str,
+        key(
+            "Whether `cord`s are inserted between parts, or traces are `printed` inside one part"
+            " with a second, conductive filament (`docs/printed.md`).",
+            choices=PROCESSES,
+        ),
+    ] = PROCESSES[0]
+    trace: Annotated[
+        str | None,
+        key(
+            "Conductive filament of printed traces, in `data/traces.csv`, or any name together with"
+            " `resistivity`, `gauge_factor`, `max_strain` and `modulus`.",
+            default='required with `process = "printed"`',
+        ),
+    ] = None
+    width: Annotated[
+        Positive | None, key("Width of a printed trace.", unit="mm", default="`1.2`")
+    ] = None
+    height: Annotated[
+        Positive | None,
+        key("Height of a printed trace in the direction of printing.", unit="mm", default="`0.8`"),
+    ] = None
+    resistivity: Annotated[
+        Positive | None,
+        key(
+            "Resistivity of a printed trace along its beads: ten times the ohm cm that sellers"
+            " give, and more, as printing raises it.",
+            unit="Ω mm",
+            default="the filament's",
+        ),
+    ] = None
     name: Annotated[
         str | None,
         key(
@@ -152,6 +194,11 @@ class CordTable(Table, frozen=True):
     ] = None
 
     @property
+    def is_printed(self) -> bool:
+        """Whether traces are printed."""
+        return self.process == "printed"
+
+    @property
     def _row(self) -> Mapping[str, str]:
         return read_rows(_ROWS).get(self.name or "", {})
 
@@ -164,6 +211,42 @@ class CordTable(Table, frozen=True):
 
     def check(self) -> Iterator[Problem]:
         """Yield problems of values that are missing, or that exclude each other."""
+        others = _CORD_KEYS if self.is_printed else _TRACE_KEYS
+        for name in others:
+            if getattr(self, name) is not None:
+                text = f'is not for process = "{self.process}"'
+                yield Problem((name,), text, "key-not-applicable", "Remove it")
+        if self.response is not None and self.compression is not None:
+            text = "the measured response includes it"
+            yield Problem(("compression",), text, "keys-exclusive", "Remove it, or 'response'")
+        yield from self._check_trace() if self.is_printed else self._check_cord()
+
+    def _check_trace(self) -> Iterator[Problem]:
+        filaments = read_filaments()
+        if self.trace is None:
+            yield missing("trace")
+            return
+        if self.trace not in filaments:
+            absent = [name for name in _TRACE_SHEET if getattr(self, name) is None]
+            if len(absent) == len(_TRACE_SHEET):
+                yield unknown_choice(
+                    ("trace",), self.trace, filaments, "conductive filament", "unknown-filament"
+                )
+            else:
+                yield from map(missing, absent)
+            return
+        for name in ("width", "height"):
+            least, value = self._filament(f"min_{name}"), getattr(self, name)
+            if value is not None and value < least:
+                text = f"a trace of {self.trace} needs at least {least:g} mm"
+                yield Problem((name,), text, "trace-too-thin", "Increase it")
+
+    def _filament(self, quantity: str) -> float:
+        """Return a quantity of the filament, assumed where there is no row."""
+        row = read_filaments().get(self.trace or "", {})
+        return row[quantity].value if quantity in row else _ASSUMED_FILAMENT[quantity]
+
+    def _check_cord(self) -> Iterator[Problem]:
         has_sheet = any(getattr(self, name) is not None for name in SHEET)
         rows = read_rows(_ROWS)
         if not has_sheet and self.name not in rows:
@@ -182,9 +265,6 @@ class CordTable(Table, frozen=True):
                     f"must be more than the cord's {numbers['diameter']:g} mm",
                     "ferrule-too-thin",
                 )
-        if self.response is not None and self.compression is not None:
-            text = "the measured response includes it"
-            yield Problem(("compression",), text, "keys-exclusive", "Remove it, or 'response'")
         if self.length is not None and not 0 <= self.length[0] <= self.length[1] - 1:
             yield Problem(
                 ("length",),
@@ -231,7 +311,7 @@ class CordTable(Table, frozen=True):
         Raises:
             CalibrationError: if the measured response cannot be read.
         """
-        numbers = self._numbers()
+        numbers = self._trace_numbers() if self.is_printed else self._numbers()
         compression = self.compression or self._row.get("compression", "same")
         response = _data_sheet_response(numbers.pop("gauge_factor"), compression)
         measured: MeasuredResponse | None = None
@@ -240,13 +320,40 @@ class CordTable(Table, frozen=True):
             response = read_response(folder / self.response)
             measured = read_measured(folder / self.response)
         return CordSpec(
-            name=self.name or "custom",
+            name=self.trace or self.name or "custom",
             response=response,
             lengths=self.length or (0.0, float("inf")),
             compression=compression,
             measured=measured,
+            trace=self._trace_spec() if self.is_printed else None,
             **numbers,
         )
+
+    def _trace_spec(self) -> TraceSpec:
+        assert self.trace is not None
+        return TraceSpec(
+            self.trace,
+            self.width or _TRACE_WIDTH_MM,
+            self.height or _TRACE_HEIGHT_MM,
+            self.resistivity or self._filament("resistivity"),
+            self._filament("across"),
+            self._filament("between_layers"),
+            self.modulus or self._filament("young_modulus"),
+            self._filament("spread"),
+        )
+
+    def _trace_numbers(self) -> dict[str, float]:
+        """Return the numbers that traces share with cords."""
+        trace = self._trace_spec()
+        given = ("gauge_factor", "max_strain", "noise", "contact")
+        bend = self.min_bend_radius or _MIN_BEND_WIDTHS * trace.width
+        return {name: getattr(self, name) or self._filament(name) for name in given} | {
+            "diameter": trace.diameter,
+            "ohm_per_mm": trace.resistivity / trace.area,
+            "min_bend_radius": bend,
+            "modulus": trace.young_modulus,
+            "min_stretch": 10 * trace.width if self.min_stretch is None else self.min_stretch,
+        }
 
 
 def _data_sheet_response(gauge_factor: float, compression: str) -> ResponseSpec:
@@ -258,99 +365,3 @@ def _data_sheet_response(gauge_factor: float, compression: str) -> ResponseSpec:
         "compression": gauge_factor * COMPRESSION_FACTORS[compression],
     }
     return ResponseSpec("two-slopes", slopes)
-
-
-class PlaneTable(Table, frozen=True):
-    """The plane of a cord, along which the body is cut."""
-
-    origin: Annotated[
-        Vector, key("Point of the plane at which its coordinates are zero.", unit="mm")
-    ]
-    normal: Annotated[Vector, key("Normal of the plane, of any length but zero.")]
-    x_axis: Annotated[Vector, key("Direction of the first coordinate, across the normal.")]
-
-    def check(self) -> Iterator[Problem]:
-        """Yield a problem if the directions do not make a plane."""
-        try:
-            self.record()
-        except ValueError as error:
-            yield Problem((), str(error), "plane-invalid")
-
-    def record(self) -> Plane:
-        """Return the plane."""
-        return Plane.from_normal(*map(np.array, (self.origin, self.normal, self.x_axis)))
-
-
-class SensorTable(Table, frozen=True):
-    """A cord that is drawn: points in a plane."""
-
-    name: Annotated[str, key("Name of the cord, which no other has.")]
-    plane: Annotated[
-        PlaneTable, key("Plane in which the cord lies, and along which the body is cut.")
-    ]
-    control_points: Annotated[
-        Annotated[_Points, Meta(min_length=4)],
-        key(
-            "Points of the cord in its plane; the first and last two are the ends and stay in"
-            " place.",
-            unit="mm",
-            form="a list of at least 4 points [x, y]",
-        ),
-    ]
-    tangents: Annotated[
-        _Points | None,
-        key(
-            "Tangents in the plane, one for each control point.",
-            unit="mm",
-            form="a list of [x, y], one for each control point",
-            default="Catmull-Rom",
-        ),
-    ] = None
-    free: Annotated[
-        tuple[str, ...],
-        key(
-            "What the optimiser may change: the `path`, with it the `plane`, or its `offset` only,"
-            " which keeps the direction; `[]` keeps the cord as drawn.",
-            choices=FREEDOMS,
-        ),
-    ] = ()
-
-    def check(self) -> Iterator[Problem]:
-        """Yield problems of points and tangents that make no curve, and of freedoms."""
-        with np.errstate(over="ignore", invalid="ignore"):  # huge numbers end as not finite
-            yield from self._check_curve()
-        if {"plane", "offset"} <= set(self.free):
-            yield Problem(
-                ("free",),
-                "a free plane may also shift",
-                "keys-exclusive",
-                "Leave out either 'plane' or 'offset'",
-            )
-
-    def _check_curve(self) -> Iterator[Problem]:
-        steps = np.diff(self.control_points, axis=0)
-        if (np.linalg.norm(steps, axis=1) < _MIN_POINT_DISTANCE_MM).any():
-            text = "two neighbours coincide"
-            yield Problem(("control_points",), text, "points-coincide", "Move or remove one")
-        elif self.tangents is not None and len(self.tangents) != len(self.control_points):
-            expected = (len(self.control_points), 2)
-            text = f"must be one [x, y] for each control point, not {len(self.tangents)}"
-            yield Problem(("tangents",), text, "wrong-shape", data={"expected": expected})
-        elif (np.linalg.norm(self._tangents, axis=1) < _MIN_POINT_DISTANCE_MM).any():
-            yield Problem(("tangents",), "a tangent is zero", "zero-vector", "Give it a direction")
-        else:
-            try:
-                Hermite(np.array(self.control_points), self._tangents)
-            except ValueError as error:
-                yield Problem(("control_points",), str(error), "not-finite")
-
-    @property
-    def _tangents(self) -> Any:
-        if self.tangents is None:
-            return catmull_rom(np.array(self.control_points))
-        return np.array(self.tangents)
-
-    def record(self) -> Sensor:
-        """Return the cord."""
-        curve = Hermite(np.array(self.control_points), self._tangents)
-        return Sensor(self.name, self.plane.record(), curve, frozenset(self.free))

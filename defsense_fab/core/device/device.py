@@ -12,6 +12,7 @@ import numpy as np
 from ..arrays import Float
 from ..curve import REST_FRAME, Hermite, Plane
 from ..response import MeasuredResponse, ResponseSpec
+from .filaments import TraceSpec
 from .regions import Shape
 
 BodyKind = Literal["script", "step", "mesh"]
@@ -239,6 +240,7 @@ class CordSpec:
         compression: Assumed behavior below zero strain, a key of `COMPRESSION_FACTORS`, or
             "measured".
         measured: Uncertainty of a response that was measured.
+        trace: The printed traces that take the cords' place; None for cords.
     """
 
     name: str
@@ -256,6 +258,7 @@ class CordSpec:
     modulus: float = 0.0
     compression: str = "same"
     measured: MeasuredResponse | None = None
+    trace: TraceSpec | None = None
 
 
 #: Converters that read the resistances: full scale of a conversion (counts) and conversions per
@@ -347,8 +350,9 @@ class Sensor:
         """Return the sensor with its path in space; a path that is free may then move its ends."""
         if not self.curve.is_planar:
             return self
-        points, tangents = self.plane.to_world(self.curve.points), self.plane.turn(
-            self.curve.tangents
+        points, tangents = (
+            self.plane.to_world(self.curve.points),
+            self.plane.turn(self.curve.tangents),
         )
         free = frozenset({"path", "ends"}) if self.free else self.free
         return replace(self, plane=REST_FRAME, curve=Hermite(points, tangents), free=free)
@@ -421,5 +425,7 @@ class Device:
 
     @property
     def channel_diameter(self) -> float:
-        """Diameter of the groove pair, mm."""
+        """Diameter of the groove pair, or of the circle around a printed trace, mm."""
+        if self.cord.trace is not None:
+            return self.cord.diameter
         return self.cord.diameter + self.fabrication.clearance

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,7 +14,7 @@ from ..schema.declare import Problem, Table, key, unknown_choice
 from ..schema.document import Document, load_document, parse_document
 from ..schema.types import is_number
 from ..storage.package_data import read_rows
-from .cord_tables import CordTable, SensorTable
+from .cord_tables import CordTable
 from .device import CordSpec, Device, FabricationSpec
 from .device_tables import (
     BodyTable,
@@ -24,11 +25,15 @@ from .device_tables import (
     RegionTable,
 )
 from .fabrication_table import FabricationTable
+from .filaments import TraceSpec
 from .material_table import MaterialTable
 from .materials import find_silicone
 from .pose_tables import PoseTable, StatesTable, check_pose_names, repeated_states
+from .sensor_tables import SensorTable
 
 DEVICE = "device.toml"
+#: Largest Young's modulus of a trace's filament, in moduli of the body.
+MAX_STIFFNESS_RATIO = 100.0
 
 
 class DeviceFile(Table, frozen=True, kw_only=True):
@@ -131,6 +136,8 @@ def read_device(
     repeated = repeated_states(states, [pose.name for pose in poses])
     problems += [problem.below("states") for problem in repeated]
     fabrication = declared.fabrication.record()
+    if declared.cord.is_printed:
+        fabrication = _printed_whole(fabrication)
     cord: CordSpec | None = None
     try:
         cord = declared.cord.record(folder)
@@ -166,6 +173,14 @@ def read_device(
         seed=design.seed,
         searches=design.searches,
     )
+
+
+def _printed_whole(fabrication: FabricationSpec) -> FabricationSpec:
+    """Return the settings for a body that is printed in one piece, with its traces in it."""
+    return replace(
+        fabrication, assembly="bonded", prestretch=None, pockets=False, lead=0.0,
+        strain_relief=False, limit_cuts=False,
+    )  # fmt: skip
 
 
 def _missing_tables(declared: DeviceFile, complete: bool) -> Iterator[Problem]:
@@ -233,10 +248,43 @@ def _check_agreement(declared: DeviceFile) -> Iterator[Problem]:
         )
 
 
+def _check_traces(declared: DeviceFile, trace: TraceSpec) -> Iterator[Problem]:
+    """Yield problems of traces that cannot be printed as [fabrication] and [body] state."""
+    row = declared.fabrication.row
+    if not row["name"].startswith("fdm"):
+        yield Problem(
+            ("fabrication", "process"),
+            f"printed traces need a printer with two extruders, and {row['name']!r} has none",
+            "printer-without-second-extruder",
+            "Use a process whose name starts with fdm",
+        )
+    if declared.body.bay is not None:
+        text = "wires reach printed traces at pads on the skin, so a bay is not used"
+        yield Problem(("body", "bay"), text, "bay-with-traces", "Remove it")
+    young = declared.material.record().young_modulus
+    if trace.young_modulus > MAX_STIFFNESS_RATIO * young:
+        yield Problem(
+            ("cord", "trace"),
+            f"{trace.filament} of {trace.young_modulus:g} MPa is more than"
+            f" {MAX_STIFFNESS_RATIO:g} times as stiff as the body of {young:.3g} MPa, whose"
+            " deformation it would prevent",
+            "trace-too-stiff",
+            "Use a stiffer body, a softer filament, or cords",
+        )
+
+
 def _check_cord(
     declared: DeviceFile, cord: CordSpec, fabrication: FabricationSpec
 ) -> Iterator[Problem]:
     """Yield problems of a cord that cannot be built in as [fabrication] states."""
+    if cord.trace is not None:
+        yield from _check_traces(declared, cord.trace)
+        return
+    for number, sensor in enumerate(declared.sensors):
+        if sensor.plane is None:
+            text = "a cord lies in a plane, in which the body is cut"
+            path = ("sensors", number, "plane")
+            yield Problem(path, text, "plane-missing", 'Give it, or [cord] process = "printed"')
     lead = 0.0 if fabrication.pockets else fabrication.lead
     yield from (problem.below("cord") for problem in declared.cord.check_length(lead))
     wire = fabrication.wire_diameter

@@ -86,7 +86,9 @@ def test_a_drawn_path_in_space_keeps_its_ends(problem):
     drawn = make_helix(free=frozenset({"path"}))
     found = search(problem, [drawn], starts=1, candidates=200)
     curve = found.sensors[0].curve
-    assert curve.points[[0, 1, -2, -1]] == pytest.approx(drawn.curve.points[[0, 1, -2, -1]], abs=1e-4)
+    assert curve.points[[0, 1, -2, -1]] == pytest.approx(
+        drawn.curve.points[[0, 1, -2, -1]], abs=1e-4
+    )
     assert curve.tangents[[0, -1]] == pytest.approx(drawn.curve.tangents[[0, -1]], abs=1e-4)
     assert found.rmse <= layout_error(problem, [drawn])
 
