@@ -148,6 +148,16 @@ def _not_gcode(path: Path, number: int) -> FabricationError:
     )
 
 
+def _invalid_line(path: Path, number: int, text: str) -> FabricationError:
+    return FabricationError(
+        f"cannot read {text!r} in this move",
+        code="gcode-line-invalid",
+        where=f"{path}:{number}",
+        action="Export the file from the slicer again",
+        line=number,
+    )
+
+
 @dataclass
 class _Reader:
     """State of the printer while the lines of a file are read."""
@@ -217,13 +227,7 @@ class _Reader:
         if name == "G" and value in (0, 1, 2, 3):
             rest = _WORD.sub("", code).strip()
             if rest:
-                raise FabricationError(
-                    f"cannot read {rest!r} in this move",
-                    code="gcode-line-invalid",
-                    where=f"{self.path}:{number}",
-                    action="Export the file from the slicer again",
-                    line=number,
-                )
+                raise _invalid_line(self.path, number, rest)
         return name, value, words
 
     def _read_comment(self, text: str) -> None:
@@ -308,6 +312,10 @@ def _classify(text: str) -> int:
 def _to_beads(reader: _Reader, filament_mm: float | Sequence[float] | None) -> Beads:
     """Return the rows of a reader as beads."""
     rows = np.array(reader.rows, float)
+    infinite = ~np.isfinite(rows[:, :7]).all(axis=1)
+    if infinite.any():
+        number = int(rows[infinite.argmax(), 10])
+        raise _invalid_line(reader.path, number, "a number that is not finite")
     tool, kind = rows[:, 8].astype(np.int64), rows[:, 9].astype(np.int64)
     warnings = []
     if not reader.slicer.startswith(_CHECKED_SLICERS):
