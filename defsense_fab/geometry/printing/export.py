@@ -63,31 +63,61 @@ def write_3mf(parts: Mapping[str, Surface], path: Path, title: str, together: bo
     wrapper = lib3mf.get_wrapper()
     model = wrapper.CreateModel()
     model.SetUnit(lib3mf.ModelUnit.MilliMeter)
-    model.SetBuildUUID(_make_uuid(title, "build"))
+    model.SetBuildUUID(make_uuid(title, "build"))
     if together:
         assembly = model.AddComponentsObject()
         assembly.SetName(title)
-        assembly.SetUUID(_make_uuid(title, "assembly"))
+        assembly.SetUUID(make_uuid(title, "assembly"))
     for name, surface in parts.items():
         mesh = model.AddMeshObject()
         mesh.SetName(name)
-        mesh.SetUUID(_make_uuid(title, "object", name))
-        corners = _keep_corners_apart(surface.vertices, _round_as_3mf, 10.0**-_DECIMALS_3MF, name)
-        vertices = [_fill(lib3mf.Position(), "Coordinates", v) for v in corners.tolist()]
-        faces = replace_lines(Surface(_round_as_3mf(corners), surface.faces))
-        triangles = [_fill(lib3mf.Triangle(), "Indices", f) for f in faces.tolist()]
-        mesh.SetGeometry(vertices, triangles)
+        mesh.SetUUID(make_uuid(title, "object", name))
+        fill_mesh(mesh, surface, name)
         if together:
             component = assembly.AddComponent(mesh, wrapper.GetIdentityTransform())
-            component.SetUUID(_make_uuid(title, "component", name))
+            component.SetUUID(make_uuid(title, "component", name))
         else:
             item = model.AddBuildItem(mesh, wrapper.GetIdentityTransform())
-            item.SetUUID(_make_uuid(title, "item", name))
+            item.SetUUID(make_uuid(title, "item", name))
     if together:
         item = model.AddBuildItem(assembly, wrapper.GetIdentityTransform())
-        item.SetUUID(_make_uuid(title, "item"))
+        item.SetUUID(make_uuid(title, "item"))
     # Write to memory first: on a full disk lib3mf ends the program.
     path.write_bytes(bytes(model.QueryWriter("3mf").WriteToBuffer()))
+
+
+def prepare_3mf_mesh(surface: Surface, name: str) -> Surface:
+    """Return a surface for a 3MF file, whose corners stay apart when the file rounds them.
+
+    Args:
+        surface: Closed surface, mm.
+        name: Name of the part for errors.
+
+    Raises:
+        FabricationError: Corners that are apart in the surface cannot be kept apart.
+    """
+    corners = _keep_corners_apart(surface.vertices, _round_as_3mf, 10.0**-_DECIMALS_3MF, name)
+    faces = replace_lines(Surface(_round_as_3mf(corners), surface.faces))
+    return Surface(corners, faces)
+
+
+def fill_mesh(mesh: Any, surface: Surface, name: str) -> None:
+    """Set the geometry of a lib3mf mesh object, in mm.
+
+    Args:
+        mesh: Mesh object of lib3mf.
+        surface: Closed surface, mm.
+        name: Name of the part for errors.
+
+    Raises:
+        FabricationError: Corners that are apart in the surface cannot be kept apart.
+    """
+    import lib3mf
+
+    ready = prepare_3mf_mesh(surface, name)
+    vertices = [_fill(lib3mf.Position(), "Coordinates", v) for v in ready.vertices.tolist()]
+    triangles = [_fill(lib3mf.Triangle(), "Indices", f) for f in ready.faces.tolist()]
+    mesh.SetGeometry(vertices, triangles)
 
 
 def _keep_corners_apart(
@@ -125,10 +155,8 @@ def _round_as_3mf(vertices: Float) -> Float:
     return triangle_kernel.round_to_single(np.trunc(scaled.astype(float)) / 10**_DECIMALS_3MF)
 
 
-def _make_uuid(*names: str) -> str:
-    """Return a UUID derived from names: lib3mf draws at random, and the same parts must give the
-    same bytes.
-    """
+def make_uuid(*names: str) -> str:
+    """Return a UUID derived from names, so that the same parts give the same bytes."""
     return str(uuid.uuid5(uuid.NAMESPACE_OID, "\0".join(("defsense-fab", *names))))
 
 

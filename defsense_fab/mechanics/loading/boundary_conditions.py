@@ -8,6 +8,7 @@ import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.device.device import PointDrag
+from .fibers import Fibers
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,7 @@ class BoundaryConditions:
         drags: Points that springs pull.
         pressures: Pressures on the surface.
         gravity: (3,) N/mm^3, density times acceleration.
+        fibers: Stiff lines in the body, such as printed traces; None if there are none.
     """
 
     fixed: Int
@@ -81,6 +83,7 @@ class BoundaryConditions:
     drags: tuple[PointDrag, ...] = ()
     pressures: tuple[Pressure, ...] = ()
     gravity: Float = field(default_factory=lambda: np.zeros(3))
+    fibers: Fibers | None = None
 
     @property
     def structure(self) -> tuple[object, ...]:
@@ -94,6 +97,7 @@ class BoundaryConditions:
             tuple((s.nodes.tobytes(), s.normal.tobytes()) for s in self.slides),
             tuple((d.at.tobytes(), d.stiffness) for d in self.drags),
             tuple(p.faces.tobytes() for p in self.pressures),
+            None if self.fibers is None else self.fibers.structure,
         )
 
     def at_rest(self) -> BoundaryConditions:

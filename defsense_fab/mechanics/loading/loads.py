@@ -1,4 +1,4 @@
-"""Compute external loads as nodal forces: gravity, soft drags and pressure on the surface.
+"""Compute loads as nodal forces: gravity, soft drags, pressure on the surface, and fibers.
 
 Pressure follows the deformed surface.
 """
@@ -12,6 +12,7 @@ from ...core.arrays import Float, Int
 from ..elements.point_location import LocatedPoints, PointLocator
 from ..elements.tet10 import QuadraticMesh, scatter_nodes, shape_functions
 from .boundary_conditions import BoundaryConditions, Pressure
+from .fibers import EmbeddedFibers
 
 #: Weights of the nodal forces of a constant body force on a straight-sided quadratic tet.
 _LUMP = np.array([-1 / 20] * 4 + [1 / 5] * 6)
@@ -22,11 +23,16 @@ class Loads:
 
     Args:
         mesh: The mesh.
-        conditions: Conditions whose drags and faces the loads act on; the amounts may change.
+        conditions: Conditions whose drags, faces and fibers the loads act on; the amounts may
+            change.
+
+    Attributes:
+        mesh: The mesh.
+        fibers: The fibers in it, None if there are none.
     """
 
     def __init__(self, mesh: QuadraticMesh, conditions: BoundaryConditions) -> None:
-        self._mesh = mesh
+        self.mesh = mesh
         self._unit = scatter_nodes(
             mesh, np.repeat((4 * mesh.weight[:, None] * _LUMP)[:, :, None], 3, axis=2)
         )
@@ -35,6 +41,8 @@ class Loads:
             at: LocatedPoints = PointLocator(mesh).find(points)
             self._drag_nodes: Int = mesh.cells[at.cell]
             self._drag_weights: Float = shape_functions(at.bary)
+        fibers = conditions.fibers
+        self.fibers = EmbeddedFibers(mesh, fibers) if fibers and fibers.lines else None
 
     def _stretches(self, conditions: BoundaryConditions, u: Float) -> Float:
         """Return the vector (d, 3) mm from each drag's target to its point."""
@@ -42,7 +50,7 @@ class Loads:
         return np.asarray(at - [d.by for d in conditions.drags])
 
     def energy(self, conditions: BoundaryConditions, u: Float, frozen: Float) -> float:
-        """Return the potential energy of the loads, N mm.
+        """Return the potential energy of the loads and the fibers, N mm.
 
         Args:
             conditions: Amounts of the loads.
@@ -55,32 +63,65 @@ class Loads:
             total += float(0.5 * (k[:, None] * self._stretches(conditions, u) ** 2).sum())
         if conditions.pressures:
             total -= float((frozen * u).sum())
+        if self.fibers:
+            total += self.fibers.energy(self.fibers.vectors(u))
         return total
 
     def pressure(self, conditions: BoundaryConditions, u: Float) -> Float:
         """Return the nodal forces (n, 3) N of the pressures on the deformed faces."""
         out = np.zeros_like(u)
         for p in conditions.pressures:
-            x = (self._mesh.nodes + u)[p.faces]
+            x = (self.mesh.nodes + u)[p.faces]
             a, b = (np.einsum("qn,tna->tqa", d, x) for d in (_BY_R, _BY_S))
             force = -p.value * np.einsum("q,qn,tqa->tna", _AREA, _FACE, np.cross(a, b))
             np.add.at(out, p.faces, force)
         return out
 
-    def forces(self, conditions: BoundaryConditions, u: Float, pressure: Float) -> Float:
-        """Return all external nodal forces (n, 3) N, the nodal forces `pressure` included."""
+    def forces(
+        self,
+        conditions: BoundaryConditions,
+        u: Float,
+        pressure: Float,
+        about: Float | None = None,
+    ) -> Float:
+        """Return the nodal forces (n, 3) N of all loads, and those of the fibers on the body.
+
+        Args:
+            conditions: Amounts of the loads.
+            u: Displacements (n, 3) mm.
+            pressure: Nodal forces (n, 3) N of the pressures, which are included.
+            about: Vectors (p, 3) about which the fibers are linearized; by default they are not.
+        """
         out = self._unit * conditions.gravity + pressure
         if conditions.drags:
             k = np.array([d.stiffness for d in conditions.drags])[:, None]
             pull = -k * self._stretches(conditions, u)
             np.add.at(out, self._drag_nodes, self._drag_weights[:, :, None] * pull[:, None])
+        if self.fibers:
+            now = self.fibers.vectors(u)
+            if about is None:
+                out -= self.fibers.forces(now)
+            else:
+                out -= self.fibers.linearized_forces(about, now)
         return np.asarray(out)
 
-    def blocks(self, conditions: BoundaryConditions, u: Float) -> list[tuple[Int, Float]]:
-        """Return the symmetric blocks that the loads add to the tangent.
+    def blocks(
+        self,
+        conditions: BoundaryConditions,
+        u: Float,
+        share: float = 0.0,
+        about: Float | None = None,
+    ) -> list[tuple[Int, Float]]:
+        """Return the symmetric blocks that the loads and fibers add to the tangent.
+
+        Args:
+            conditions: Amounts of the loads.
+            u: Displacements (n, 3) mm.
+            share: Share (0 to 1) of the negative part of the fibers' tangent that is removed.
+            about: Vectors (p, 3) about which the fibers are linearized; by default those of u.
 
         Returns:
-            Pairs of node numbers (k,) and blocks (3 k, 3 k) N/mm. Of the pressure, whose tangent is
+            Pairs of node numbers (..., k) and blocks (..., 3 k, 3 k) N/mm. Of the pressure, whose tangent is
             not symmetric, the block holds the symmetric part.
         """
         out: list[tuple[Int, Float]] = []
@@ -97,6 +138,9 @@ class Loads:
                 continue
             block = self._follower(p, u)
             out += list(zip(p.faces, 0.5 * (block + block.transpose(0, 2, 1)), strict=True))
+        if self.fibers:
+            vectors = self.fibers.vectors(u) if about is None else about
+            out.append((self.fibers.nodes, self.fibers.tangents(vectors, share)))
         return out
 
     def skew(self, conditions: BoundaryConditions, u: Float) -> sp.csr_matrix | None:
@@ -117,7 +161,7 @@ class Loads:
 
     def _follower(self, p: Pressure, u: Float) -> Float:
         """Return the derivative (t, 18, 18) of minus the pressure's forces on its faces."""
-        x = (self._mesh.nodes + u)[p.faces]
+        x = (self.mesh.nodes + u)[p.faces]
         a, b = (np.einsum("qn,tna->tqa", d, x) for d in (_BY_R, _BY_S))
         # d(a x b)/dx_m = skew(a) dN_m/ds - skew(b) dN_m/dr
         change = np.einsum("tqij,qm->tqimj", _skew(a), _BY_S) - np.einsum(

@@ -82,6 +82,7 @@ class Reduction:
         )
         self._indptr = self._places.indptr
         self._sorted_keys: Int | None = None
+        self._entries: dict[tuple[object, ...], tuple[Int, Int]] = {}
 
     @property
     def is_free(self) -> Float:
@@ -178,7 +179,7 @@ class Reduction:
             material: The material.
             F: Deformation gradients (m, 4, 3, 3) of the `active` mesh.
             share: Share of the negative part removed, see `energy_density.tangent`.
-            extra: Blocks of loads: node numbers (k,) and (3 k, 3 k) N/mm.
+            extra: Blocks of loads: node numbers (..., k) and (..., 3 k, 3 k) N/mm.
             force: Nodal forces (n, 3) N. With them the second derivative of the handles' rotations
                 is included, as the true Hessian requires.
             threads: Largest number of threads.
@@ -212,15 +213,24 @@ class Reduction:
         return sp.csr_matrix((values, self._indices, self._indptr), shape=(self.size, self.size))
 
     def _add_block(self, values: Float, basis: Float, nodes: Int, block: Float) -> None:
-        k = len(nodes)
-        width = np.einsum(
-            "nad,namb,mbe->ndme", basis[nodes], block.reshape(k, 3, k, 3), basis[nodes]
-        ).reshape(6 * k, 6 * k)
-        dof = self.dof[nodes].ravel()
-        keep = (dof[:, None] >= 0) & (dof[None] >= dof[:, None])
-        rows, columns = np.nonzero(keep)
-        entries = dof[rows] * self.size + dof[columns]
-        np.add.at(values, np.searchsorted(self._keys(), entries), width[rows, columns])
+        nodes = np.atleast_2d(nodes)
+        count, k = nodes.shape
+        part = basis[nodes]
+        half = np.einsum("cnad,cnamb->cndmb", part, block.reshape(count, k, 3, k, 3), optimize=True)
+        width = np.einsum("cndmb,cmbe->cndme", half, part, optimize=True)
+        chosen, at = self._find_entries(nodes)
+        np.add.at(values, at, width.ravel()[chosen])
+
+    def _find_entries(self, nodes: Int) -> tuple[Int, Int]:
+        """Return which entries of the blocks of nodes (c, k) are in the matrix, and where."""
+        key = (nodes.shape, nodes.tobytes())
+        if key not in self._entries:
+            dof = self.dof[nodes].reshape(len(nodes), -1)
+            rows, columns = np.broadcast_arrays(dof[:, :, None], dof[:, None])
+            chosen = np.flatnonzero((rows >= 0) & (columns >= rows))
+            entries = rows.ravel()[chosen] * self.size + columns.ravel()[chosen]
+            self._entries[key] = chosen, np.searchsorted(self._keys(), entries)
+        return self._entries[key]
 
     def _keys(self) -> Int:
         """Return row times size plus column of each stored entry, increasing."""

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spl
 from scipy.spatial.transform import Rotation
 
-from ...core.arrays import Float
+from ...core.arrays import Float, Int
 from ...core.rotations import rotation_matrices
 from ..elements.tet10 import QUADRATURE, QuadraticMesh
 from ..loading.boundary_conditions import BoundaryConditions, State
@@ -94,6 +94,7 @@ class HandleRotation:
             inner = laplacian[unknown][:, unknown].tocsc()
             right = -laplacian[unknown][:, prescribed] @ values[prescribed]
             values[unknown] = spl.splu(inner, permc_spec="MMD_AT_PLUS_A").solve(right)
+        self._values = values
         self._weights = np.einsum("mck,qc->kmq", values[corners], QUADRATURE)
 
     def rotate(self, F: Float, before: State, after: State) -> Float:
@@ -107,8 +108,25 @@ class HandleRotation:
         Returns:
             The turned gradients G (m, 4, 3, 3).
         """
-        vector = np.zeros((*F.shape[:2], 3))
-        for k, i in enumerate(self._handles):
-            turn = Rotation.from_matrix(after.rotations[i] @ before.rotations[i].T).as_rotvec()
-            vector += self._weights[k][..., None] * turn
+        vector = np.einsum("kmq,ka->mqa", self._weights, self._turns(before, after))
         return np.asarray(rotation_matrices(vector) @ F)
+
+    def rotations(self, before: State, after: State, corners: Int, bary: Float) -> Float:
+        """Return the rotations (p, 3, 3) by points' shares of the handles' rotations.
+
+        Args:
+            before: The state to start from.
+            after: The state with its handles in place.
+            corners: (p, 4) corner nodes of the points' tets.
+            bary: (p, 4) barycentric coordinates of the points.
+        """
+        weights = np.einsum("pck,pc->pk", self._values[corners], bary)
+        return rotation_matrices(weights @ self._turns(before, after))
+
+    def _turns(self, before: State, after: State) -> Float:
+        """Return the rotation vectors (k, 3) of the handles between two states."""
+        turns = [
+            Rotation.from_matrix(after.rotations[i] @ before.rotations[i].T).as_rotvec()
+            for i in self._handles
+        ]
+        return np.reshape(turns, (-1, 3))

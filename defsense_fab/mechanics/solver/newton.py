@@ -186,10 +186,11 @@ class System:
         G = self.handle_rotation.rotate(F, state, placed)
         now = tet10.deformation_gradient(active, placed.u, self.threads)
         force = tet10.linearized_forces(active, material, G, now, self.threads)
-        force -= self.loads.forces(goal, placed.u, self.loads.pressure(goal, state.u))
+        about = self._rotate_fibers(state, placed)
+        force -= self.loads.forces(goal, placed.u, self.loads.pressure(goal, state.u), about)
         gradient = self.reduction.gradient(placed, force)
         try:
-            blocks = self.loads.blocks(goal, state.u)
+            blocks = self.loads.blocks(goal, state.u, 1.0, about)
             self.solver.factor(
                 self.reduction.matrix(placed, material, G, 1.0, blocks, None, self.threads)
             )
@@ -265,6 +266,15 @@ class System:
         stable = stable or not self.reduction.size
         return Attempt(now.state, solves, factors, now.residual, now.energy, stable, now.state)
 
+    def _rotate_fibers(self, state: State, placed: State) -> Float | None:
+        """Return the fibers' vectors (p, 3) at a state, turned by the handles' rotations."""
+        fibers = self.loads.fibers
+        if fibers is None:
+            return None
+        corners = self.loads.mesh.cells[fibers.cell, :4]
+        turns = self.handle_rotation.rotations(state, placed, corners, fibers.bary)
+        return np.asarray(np.einsum("pab,pb->pa", turns, fibers.vectors(state.u)))
+
     def _solve_patch(self, now: _Iterate, stop: Callable[[], bool] | None) -> State | None:
         """Return the state with its stuck patch, if any, in equilibrium while the rest is held."""
         stuck = find_stuck_patch(self.reduction, now.gradient)
@@ -317,7 +327,6 @@ class System:
             The number of factorizations tried, and whether the last one succeeded.
         """
         state = now.state
-        blocks = self.loads.blocks(state.conditions, state.u)
         lag = self.material.volumetric * (
             now.volume - tet10.volume_ratios(now.F, now.F, self.threads)
         )
@@ -327,6 +336,7 @@ class System:
         self._missed = False
         while True:
             share, second = PROJECTION_SHARES[self._share], None
+            blocks = self.loads.blocks(state.conditions, state.u, share)
             if not share:
                 second = now.force
                 if self._has_free_rotation:
