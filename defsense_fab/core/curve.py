@@ -99,11 +99,11 @@ class Plane:
         return square < 1e-12 and abs(float((self.origin - other.origin) @ other.normal)) < 1e-4
 
     def to_world(self, points: Float) -> Float:
-        """Transform points (..., 2) in the plane, or (..., 3) in its frame, to the rest frame, mm."""
+        """Transform points (..., 2) or (..., 3) in the plane's frame to the rest frame, mm."""
         return np.asarray(self.origin + self.turn(points))
 
     def turn(self, vectors: Float) -> Float:
-        """Transform directions (..., 2) in the plane, or (..., 3) in its frame, to the rest frame."""
+        """Transform directions (..., 2) or (..., 3) in the plane's frame to the rest frame."""
         return np.asarray(vectors @ self.axes[:, : vectors.shape[-1]].T)
 
 
@@ -180,8 +180,8 @@ def hermite_basis(count: int, per_span: int) -> tuple[Float, Float, Float]:
         per_span: Steps of t in each span.
 
     Returns:
-        Three read-only matrices that map [points; tangents] (2k, 2 or 3). The first gives positions at
-        ((k - 1) * per_span + 1) uniform t. The others give the first and second derivatives by t
+        Three read-only matrices that map [points; tangents] (2k, 2 or 3). The first gives positions
+        at ((k - 1) * per_span + 1) uniform t. The others give the first and second derivatives by t
         at both ends and at the inner t of every span, ((k - 1) * (per_span + 1)), since the
         curvature jumps at control points.
     """

@@ -381,6 +381,33 @@ class Casting:
 
 
 @dataclass(frozen=True)
+class TraceRecord:
+    """A printed conductive trace.
+
+    Attributes:
+        name: Name.
+        stl: STL file in the frame of the device.
+        line: Its center line (p, 3) from pad to pad, mm.
+        pads: Middles (2, 3) of the pads on the skin, mm.
+        volume: Volume with the pads, mm^3.
+        length: Length of the center line, mm.
+        resistance: Resistance at rest, ohm.
+        range: Lowest and highest resistance in use, ohm.
+        reference_resistor: Reference resistor of the divider, ohm.
+    """
+
+    name: str
+    stl: str
+    line: Float
+    pads: Float
+    volume: float
+    length: float
+    resistance: float
+    range: tuple[float, float]
+    reference_resistor: float
+
+
+@dataclass(frozen=True)
 class Manifest:
     """The content of `parts/manifest.json`.
 
@@ -406,6 +433,7 @@ class Manifest:
         moulds: Moulds, for cast parts: then these are printed, and a part's `print` is its `stl`.
         casting: The silicone, for cast parts.
         places: Point (3,) mm that a warning is about, by the warning; none for the whole device.
+        traces: Printed traces, in the order of `cords`, which has their resistances.
     """
 
     SCHEMA: ClassVar[int] = 4
@@ -431,6 +459,7 @@ class Manifest:
     moulds: tuple[MouldRecord, ...] = ()
     casting: Casting | None = None
     places: Mapping[str, Float] = field(default_factory=dict)
+    traces: tuple[TraceRecord, ...] = ()
 
 
 def save_manifest(folder: Path, manifest: Manifest) -> None:

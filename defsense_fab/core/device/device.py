@@ -298,6 +298,7 @@ class FabricationSpec:
         copies: Copies of the device on the plates.
         mould_wall: Wall thickness of molds, mm.
         shrinkage: Linear shrinkage of the cast material; None for that of the silicone's row.
+        up: Unit direction that points up as a body with printed traces is printed.
     """
 
     process: str
@@ -321,6 +322,7 @@ class FabricationSpec:
     copies: int = 1
     mould_wall: float = 5.0
     shrinkage: float | None = None
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
 #: Freedoms of a cord's plane: position and direction, or position only.

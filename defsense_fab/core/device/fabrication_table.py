@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Annotated
 
 from msgspec import Meta
 
-from ..schema.declare import Count, NonNegative, Positive, Problem, Table, key
+from ..schema.declare import Count, NonNegative, Positive, Problem, Table, Vector, key
 from ..storage.package_data import read_rows
 from .device import ASSEMBLIES, FabricationSpec
 from .fabrication_limits import BedSize, Copies
@@ -92,6 +93,10 @@ class FabricationTable(Table, frozen=True):
         Count | None, key("Number of flats for camera tags.", default="none")
     ] = None
     marker_size: Annotated[Positive, key("Side of a tag.", unit="mm")] = 10.0
+    up: Annotated[
+        Vector,
+        key("Direction that points up as a body with printed traces is printed."),
+    ] = (0.0, 0.0, 1.0)
     mould_wall: Annotated[
         Annotated[float, Meta(gt=2)] | None,
         key("Thickness of the moulds' walls, with a process that casts.", unit="mm", default="`5`"),
@@ -113,6 +118,8 @@ class FabricationTable(Table, frozen=True):
 
     def check(self) -> Iterator[Problem]:
         """Yield problems of keys that do not apply to the process."""
+        if not any(self.up):
+            yield Problem(("up",), "must not be zero", "zero-vector", "Give it a direction")
         if self.row["kind"] == "cast":
             if self.limit_cuts:
                 yield Problem(
@@ -162,4 +169,11 @@ class FabricationTable(Table, frozen=True):
             copies=self.copies,
             mould_wall=FabricationSpec.mould_wall if self.mould_wall is None else self.mould_wall,
             shrinkage=self.shrinkage,
+            up=_normalize(self.up),
         )
+
+
+def _normalize(vector: Vector) -> Vector:
+    length = math.hypot(*vector) or 1.0
+    x, y, z = (component / length for component in vector)
+    return x, y, z

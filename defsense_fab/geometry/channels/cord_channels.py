@@ -151,6 +151,26 @@ def make_channels(
     return out
 
 
+def make_trace_lines(sensors: Sequence[Sensor], body: Surface, width: float) -> list[Channel]:
+    """Return the lines of printed traces from skin to skin, without a channel's solids.
+
+    Args:
+        sensors: The traces.
+        body: Surface of the body.
+        width: Width of the traces, mm.
+
+    Raises:
+        FabricationError: If a path leaves the body or bends too tightly.
+    """
+    out = []
+    for sensor in sensors:
+        t = _trace(sensor, body, width)
+        mouths = [(t.inside[0], t.inside[1]), (t.inside[-1], t.inside[-2])]
+        first, last = (End(a, (a - b) / np.linalg.norm(a - b), 0.0, "") for a, b in mouths)
+        out.append(Channel(sensor, t.line, t.inside, t.inlets, t.runs, (first, last), (), None))
+    return out
+
+
 @dataclass(frozen=True)
 class _Trace:
     """A channel's lines, as in `Channel`."""
@@ -165,7 +185,7 @@ def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
     """Extend a path straight to the skin on both sides."""
     path = sample_path(sensor, per_span_for_sag(sensor.curve, MAX_SAG_MM))
     _check_path(sensor, path, body, diameter)
-    tangents = sensor.curve.tangents @ sensor.plane.axes[:, :2].T
+    tangents = sensor.plane.turn(sensor.curve.tangents)
     first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
     exits = [
         surface_queries.find_exit(path[0], -first, body, 2 * diameter),

@@ -159,6 +159,7 @@ class PartSet:
         bare: The parts without channels, sockets and numbers (manifold3d solids).
         carved: The parts without sockets and numbers, from which exact solids are checked.
         rules: Rules that the parts were made by.
+        traces: Conductive traces that are printed in the only part, if any.
     """
 
     parts: tuple[Part, ...]
@@ -175,6 +176,7 @@ class PartSet:
     rules: PartRules
     bare: tuple[Any, ...] = ()
     carved: tuple[Any, ...] = ()
+    traces: tuple[Part, ...] = ()
 
     def cut_faces(self, index: int) -> list[Float]:
         """Return the outward normals (3,) of the faces in which a part meets others, largest

@@ -78,7 +78,9 @@ class Fibers:
             SolveError: If the trace is softer than the body.
         """
         trace, body = moduli
-        axial = (trace - body) * size[0] * size[1] * (1.0 if simulated is None else simulated / body)
+        axial = (
+            (trace - body) * size[0] * size[1] * (1.0 if simulated is None else simulated / body)
+        )
         (a, wa), (b, wb) = (np.polynomial.legendre.leggauss(count) for count in counts)
         across = _miters(path, normal)
         up = normal / np.linalg.norm(normal)

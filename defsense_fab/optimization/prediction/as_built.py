@@ -16,10 +16,11 @@ from ...core.errors import DeviceError, FabricationError
 from ...core.mesh import Surface
 from ...core.progress import Report
 from ...geometry.channels.channel_ends import Pockets
-from ...geometry.channels.cord_channels import Channel, make_channels
+from ...geometry.channels.cord_channels import Channel, make_channels, make_trace_lines
 from ...geometry.kernels.cutting_tools import Prism
 from ...geometry.moulds.records import MouldRules
 from ...geometry.parts.parts import make_parts
+from ...geometry.parts.printed_traces import TraceShape, make_printed
 from ...geometry.parts.records import PartRules, PartSet
 from ...sensing.built_cord import BuiltCord, required_prestretch
 from ...sensing.response import mean_strain
@@ -59,6 +60,13 @@ def part_rules(device: Device, bay: Prism | None = None) -> PartRules:
         f.kind == "cast",
         min_length_across_joint(device),
     )
+
+
+def trace_shape(device: Device) -> TraceShape:
+    """Return the section of a device's printed traces, and the direction of printing."""
+    trace = device.cord.trace
+    assert trace is not None
+    return TraceShape(trace.width, trace.height, np.array(device.fabrication.up))
 
 
 def mould_rules(device: Device) -> MouldRules:
@@ -107,7 +115,11 @@ def fabricate(
             cords=violations[0].cords,
             value=violations[0].value,
         )
-    parts = make_parts(surface, sensors, part_rules(device, bay), report, solid, channels)
+    rules = part_rules(device, bay)
+    if device.cord.trace is not None:
+        lines = channels or _channels(device, surface, sensors, bay)
+        return make_printed(surface, lines, rules, trace_shape(device), report)
+    parts = make_parts(surface, sensors, rules, report, solid, channels)
     for channel in parts.channels:
         stretched = float(arc_lengths(channel.sensing)[-1])
         if stretched < device.cord.min_stretch - _TOLERANCE_MM:
@@ -194,6 +206,9 @@ def decide_strain_relief(
 def _channels(
     device: Device, surface: Surface, sensors: Sequence[Sensor], bay: Prism | None
 ) -> Sequence[Channel]:
+    trace = device.cord.trace
+    if trace is not None:
+        return make_trace_lines(sensors, surface, trace.width)
     r = part_rules(device, bay)
     return make_channels(sensors, surface, r.channel, r.inner_wall, r.pockets)
 

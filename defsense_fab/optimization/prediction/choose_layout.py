@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol, TypeVar
 
 from ...core.arrays import Float
-from ...core.curve import distinct_planes
+from ...core.curve import Plane, distinct_planes
 from ...core.device.device import Device
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
@@ -153,11 +153,15 @@ def drop_duplicates(layouts: Sequence[OptimizedLayout]) -> list[OptimizedLayout]
 
 
 def _count_planes(layout: OptimizedLayout) -> int:
-    return len(distinct_planes([s.plane for s in layout.sensors]))
+    return len(distinct_planes(_planes(layout)))
 
 
 def _count_slanted(layout: OptimizedLayout, directions: Float) -> int:
-    return count_slanted([s.plane for s in layout.sensors], directions)
+    return count_slanted(_planes(layout), directions)
+
+
+def _planes(layout: OptimizedLayout) -> list[Plane]:
+    return [s.plane for s in layout.sensors if s.curve.is_planar]
 
 
 def choose_layout(

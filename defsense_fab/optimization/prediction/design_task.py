@@ -36,6 +36,9 @@ def layout_limits(device: Device) -> Limits:
         DeviceError: If no length of channel is allowed.
     """
     channel, wall = device.channel_diameter, device.fabrication.wall
+    if device.cord.trace is not None:
+        radius, shortest = device.cord.min_bend_radius, device.cord.min_stretch
+        return Limits(wall, radius, channel + wall, channel, shortest=shortest, is_cut=False)
     pocket = pocket_depth(device, bends=device.fabrication.strain_relief is True)
     prestretch = device.fabrication.prestretch
     # A piece reaches further when stretched; the pre-stretch is assumed unless it is given.

@@ -118,8 +118,9 @@ def optimize_layout(
     Thousands of candidates for each cord are screened, and several layouts are selected from random
     shares of them. With a limit on planes and no extra cords, randomly moved copies of the drawing
     take their place. All of them and the drawing take a short descent, and the best continue until
-    they converge. A search in space continues from the best planar layout. Only layouts that pass an independent check compete, and one whose planes leave
-    slivers loses to any that leaves none. Cords that are selected in one plane stay in it.
+    they converge. A search in space continues from the best planar layout. Only layouts that pass
+    an independent check compete, and one whose planes leave slivers loses to any that leaves none.
+    Cords that are selected in one plane stay in it.
 
     Args:
         problem: The problem.

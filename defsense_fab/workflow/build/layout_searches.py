@@ -174,7 +174,12 @@ def _search(
             device.sensors,
             np.random.default_rng((device.seed, search.seed)),
             report,
-            LayoutSearch(extra=device.propose, planes=search.planes, normals=search.normals),
+            LayoutSearch(
+                extra=device.propose,
+                planes=search.planes,
+                normals=search.normals,
+                in_space=device.cord.trace is not None,
+            ),
             watch=observer.kept if observer else None,
             follow=observer.passed if observer else None,
         )

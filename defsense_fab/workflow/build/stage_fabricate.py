@@ -39,7 +39,8 @@ from ...store.manifest import (
     TagSeat,
     save_manifest,
 )
-from ..fabrication import casting
+from ...optimization.prediction.predict import ScoredLayout
+from ..fabrication import casting, printed
 from ..fabrication.printing import (
     LYING,
     lying_notes,
@@ -83,8 +84,9 @@ def run(device: Device, build: Build, report: Report, winner: Winner | None = No
     if winner is None:
         winner = _make_layout(device, build, report)
     report(0.6, "cutting the solid")
-    parts = winner.parts if build.solid is None else add_solids(winner.parts, build.solid)
-    device = winner.device
+    device, parts = winner.device, winner.parts
+    if build.solid is not None and device.cord.trace is None:
+        parts = add_solids(parts, build.solid)
     report(0.75, "predicting with joints")
     built = score_channels(winner.task, parts.channels)
     middles = layout.middles
@@ -97,7 +99,12 @@ def run(device: Device, build: Build, report: Report, winner: Winner | None = No
     )
     cords = cut_list(device, parts, built)
     show = subrange(report, 0.8, 1.0)
-    build.manifest = write_parts(device, parts, build.folder, layout, cords, built.prediction, show)
+    if device.cord.trace is None:
+        build.manifest = write_parts(
+            device, parts, build.folder, layout, cords, built.prediction, show
+        )
+    else:
+        build.manifest = _write_printed(device, parts, build.folder, layout, cords, built)
 
 
 def _make_layout(device: Device, build: Build, report: Report) -> Winner:
@@ -108,6 +115,32 @@ def _make_layout(device: Device, build: Build, report: Report) -> Winner:
     device, channels, notes = decide_strain_relief(device, task, surface, sensors, bay)
     parts = fabricate(device, surface, sensors, report, None, bay, channels)
     return Winner(device, notes, parts, task)
+
+
+def _write_printed(
+    device: Device,
+    parts: PartSet,
+    folder: Path,
+    layout: LayoutRecord,
+    rows: tuple[CutCord, ...],
+    built: ScoredLayout,
+) -> Manifest:
+    """Write a body with printed traces into the folder `parts`, and return the saved manifest."""
+    out = folder / "parts"
+    out.mkdir()
+    plates, _ = printed.write_printed(device, parts, out)
+    _write_surfaces(device, parts, None, out)
+    records = printed.trace_records(device, parts, built, rows)
+    parts = parts.with_warnings(printed.printing_notes(device, records))
+    manifest = replace(
+        _manifest(device, parts, {}, layout, rows, built.prediction, {}),
+        plates=plates,
+        traces=records,
+        advice=tuple(printed.printing_advice(device)),
+        copies=device.fabrication.copies,
+    )
+    save_manifest(folder, manifest)
+    return manifest
 
 
 def write_parts(
@@ -226,7 +259,7 @@ def _manifest(
         device=device.name,
         unit="mm",
         parts=tuple(
-            _part(parts, i, device.fabrication.kind == "cast", supports)
+            _part(parts, i, device.fabrication.kind == "cast" or bool(parts.traces), supports)
             for i in range(len(parts.parts))
         ),
         pins=(),
@@ -294,13 +327,15 @@ def cord_warnings(device: Device, layout: LayoutRecord) -> dict[str, Float | Non
         if not bonded and s.least_strain < 0
     }
     is_compressed = any(s.least_strain < 0 for s in layout.sensors)
-    if bonded and is_compressed and cord.compression != "measured":
+    if bonded and is_compressed and cord.compression != "measured" and cord.trace is None:
         text = (
             "bonded cords are compressed, and their response to compression was not measured; it"
             f" is assumed to be {COMPRESSION_RESPONSES[cord.compression]}. Calibrate the cord, or"
             ' use assembly = "held", which stretches cords so far that none is compressed'
         )
         warnings[text] = None
+    if cord.trace is not None:
+        return warnings  # `printing_notes` has what concerns traces
     body_stiffness = device.material.young_modulus * device.channel_diameter**2
     if bonded and cord.modulus * cord.diameter**2 > _MAX_STIFFNESS_RATIO * body_stiffness:
         text = (

@@ -324,14 +324,15 @@ def _search_alternatives(
         return layouts
     start = evaluate_unchanged(task.design, tuple(first.initial))
     layouts += [start] if start else []
-    fewer = range(1, len(distinct_planes([s.plane for s in first.sensors])))
+    is_cut = device.cord.trace is None
+    fewer = range(1, len(distinct_planes([s.plane for s in first.sensors])) if is_cut else 1)
     if not device.propose:  # without new cords, the planes are as many as those drawn
         fewer = fewer[len(distinct_planes([s.plane for s in device.sensors])) - 1 :][:1]
     count, kind = device.searches or default_searches(len(first.sensors)), task.design.decoder
     searches = [Search(kind, seed, device.planes) for seed in range(1, count)]
     searches += [Search(kind, 0, n) for n in fewer if device.planes is None or n < device.planes]
     has_free_planes = device.planes is None and any(s.free == FREE for s in device.sensors)
-    if device.propose or has_free_planes:
+    if is_cut and (device.propose or has_free_planes):
         searches.append(Search(kind, 0, device.planes, face_directions(task.design.surface)))
     if device.searches is not None:  # simple layouts first, as they are the likeliest to be made
         searches = searches[::-1][: device.searches - 1]

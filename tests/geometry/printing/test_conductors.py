@@ -191,9 +191,7 @@ def long_meander(legs=10, length=80.0, pitch=3.0):
     start, end, size = start[kept], end[kept], size[kept]
     n = len(size)
     ones = np.ones(n, np.int64)
-    beads = Beads(
-        start, end, np.full(n, 0.443), np.full(n, 0.2), 0.08 * size, ones, 0 * ones, ones
-    )
+    beads = Beads(start, end, np.full(n, 0.443), np.full(n, 0.2), 0.08 * size, ones, 0 * ones, ones)
     return Trace("meander", line, 1.2, 0.8), beads
 
 

@@ -41,7 +41,9 @@ def field(block):
 
 def multiply(embedded, blocks, d):
     out = np.zeros_like(d)
-    np.add.at(out, embedded.nodes, (blocks @ d[embedded.nodes].reshape(-1, 30, 1)).reshape(-1, 10, 3))
+    np.add.at(
+        out, embedded.nodes, (blocks @ d[embedded.nodes].reshape(-1, 30, 1)).reshape(-1, 10, 3)
+    )
     return out
 
 

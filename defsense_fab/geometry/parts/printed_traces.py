@@ -1,0 +1,168 @@
+"""Make the solids of a body that is printed in one piece with conductive traces in it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import manifold3d as m3
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.errors import FabricationError
+from ...core.mesh import Surface
+from ..channels.cord_channels import Channel
+from ..kernels import triangle_kernel
+from ..kernels.cutting_tools import axes_from_normal
+from . import engraving
+from .records import Check, Part, PartRules, PartSet
+from .wall_checks import check_cord_walls
+
+PAD_DIAMETER_MM, PAD_DEPTH_MM = 5.0, 1.2  # of the contact at each end: an M2 screw or a crimp
+_SIDES = 16  # of a trace's upright section
+_SAG_MM = 0.02  # between the trace and its path
+_OUTSIDE_MM = 0.5  # by which solids reach out of the body before they are cut flush
+_MAX_OVERLAP_MM3 = 1e-6  # of two traces
+
+
+@dataclass(frozen=True)
+class TraceShape:
+    """Section of the traces as they are printed.
+
+    Attributes:
+        width: Width across the path, mm.
+        height: Height along `up`, mm.
+        up: Unit direction (3,) that points up as the body is printed.
+    """
+
+    width: float
+    height: float
+    up: Float
+
+
+def sweep_trace(line: Float, shape: TraceShape) -> Any:
+    """Return the solid (manifold3d) that an upright cylinder sweeps along a line.
+
+    Layers are horizontal, so the section keeps its height along `up` whatever the path's direction,
+    and its width across the path. Where a path rises steeply, the section across it is a disc.
+
+    Args:
+        line: Points (p, 3), mm.
+        shape: Section of the trace.
+    """
+    axes = axes_from_normal(shape.up)
+    radius = shape.width / 2
+    upright = m3.Manifold.cylinder(shape.height, radius, radius, _SIDES, True)
+    local = line[_keep_corners(line)] @ axes
+    stations = [upright.translate(point.tolist()) for point in local]
+    hulls = [m3.Manifold.batch_hull([a, b]) for a, b in itertools.pairwise(stations)]
+    return triangle_kernel.from_plane_frame(triangle_kernel.union(hulls), axes, np.zeros(3))
+
+
+def _keep_corners(line: Float) -> list[int]:
+    """Return the numbers of points between which chords stay near the line."""
+    kept = [0]
+    for k in range(2, len(line)):
+        start, chord = line[kept[-1]], line[k] - line[kept[-1]]
+        across = np.cross(line[kept[-1] + 1 : k] - start, chord)
+        far = np.linalg.norm(across, axis=1).max() / max(float(np.linalg.norm(chord)), 1e-12)
+        if far > _SAG_MM:
+            kept.append(k - 1)
+    return [*kept, len(line) - 1]
+
+
+def make_printed(
+    surface: Surface,
+    channels: Sequence[Channel],
+    rules: PartRules,
+    shape: TraceShape,
+    report: Callable[[float, str], None] = lambda *_: None,
+) -> PartSet:
+    """Make the body in one piece, with its traces and their pads as solids that fill its voids.
+
+    Args:
+        surface: Surface of the body.
+        channels: Lines of the traces.
+        rules: Rules of the parts.
+        shape: Section of the traces.
+        report: Called with the share of the work that is done and its step.
+
+    Returns:
+        One part, with the traces in `PartSet.traces`.
+
+    Raises:
+        FabricationError: A wall is too thin, traces touch, or a trace is not in one piece.
+    """
+    report(0.1, "sweeping traces")
+    body = triangle_kernel.to_manifold(surface, "the body")
+    checks = check_cord_walls(channels, surface, rules)
+    hollows = [(c.inside, rules.channel / 2) for c in channels]
+    seats = engraving.place_seats(surface, rules.seats, rules.tag, hollows, rules.wall, [])
+    flat = triangle_kernel.cut_out(body, [t for s in seats for t in s.tools])
+    solids = [_make_trace(c, shape) ^ flat for c in channels]
+    for (a, one), (b, other) in itertools.combinations(zip(channels, solids, strict=True), 2):
+        if float((one ^ other).volume()) > _MAX_OVERLAP_MM3:
+            raise FabricationError(
+                f"touches trace {b.name!r}, pads included",
+                code="traces-touch",
+                where=f"trace {a.name!r}",
+                action="Move their ends apart",
+                traces=(a.name, b.name),
+            )
+    report(0.6, "cutting traces out of the body")
+    whole = flat - triangle_kernel.union(solids)
+    traces = tuple(_make_part(c.name, s, shape.up) for c, s in zip(channels, solids, strict=True))
+    part = _make_part("1-whole", whole, shape.up)
+    bodies = (whole,)
+    part_set = PartSet(
+        parts=(part,),
+        cuts=(),
+        contacts=(),
+        pins=(),
+        labels=(),
+        seats=tuple(seats),
+        channels=tuple(channels),
+        checks=(*checks, *_check_volumes(float(flat.volume()), part, traces)),
+        warnings={},
+        cut_out=float(body.volume()) - float(whole.volume()),
+        body_volume=float(body.volume()),
+        rules=rules,
+        bare=bodies,
+        carved=bodies,
+    )
+    return replace(part_set, traces=traces)
+
+
+def _make_trace(channel: Channel, shape: TraceShape) -> Any:
+    """Return a trace that reaches out of the body, with a pad at each end."""
+    ends = [
+        end.mouth + np.array([-PAD_DEPTH_MM, _OUTSIDE_MM])[:, None] * end.out
+        for end in channel.ends
+    ]
+    line = np.concatenate([ends[0][::-1][:1], channel.inside, ends[1][1:]])
+    solids = [sweep_trace(line, shape)]
+    for low, high in ends:
+        height = float(np.linalg.norm(high - low))
+        pad = m3.Manifold.cylinder(height, PAD_DIAMETER_MM / 2, PAD_DIAMETER_MM / 2, 2 * _SIDES)
+        solids.append(
+            triangle_kernel.from_plane_frame(pad, axes_from_normal((high - low) / height), low)
+        )
+    return triangle_kernel.union(solids)
+
+
+def _make_part(name: str, solid: Any, up: Float) -> Part:
+    surface = triangle_kernel.to_printable_surface(solid, name)
+    return Part(name, surface, surface.volume, surface.centroid, -up)
+
+
+def _check_volumes(volume: float, part: Part, traces: Sequence[Part]) -> tuple[Check, ...]:
+    """Return the check that body and traces fill the body's volume (mm^3)."""
+    filled = part.volume + sum(t.volume for t in traces)
+    gap = abs(filled / volume - 1)
+    return (
+        Check("body and traces fill the volume", gap, 1e-3, "", "the whole body").require(
+            0.0, "volume-differs"
+        ),
+    )
