@@ -37,6 +37,7 @@ class ActionKind(StrEnum):
     SET = "let set"
     PULL = "pull out"
     SEAT = "let in"
+    PADS = "connect pads"
     MEASURE = "measure"
     CONNECT = "wire to the board"
 

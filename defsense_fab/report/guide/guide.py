@@ -108,13 +108,18 @@ def assembly_guide(
         steps=steps,
         pictures=tuple(tuple(pictures.draw(step, p) for p in step.passages) for step in steps),
         checks=guide_checks(manifest),
-        strips=cord_templates(device, manifest),
+        strips=() if manifest.traces else cord_templates(device, manifest),
         faces=tuple(face for face in faces if face is not None),
     )
 
 
 def _write_intro(manifest: Manifest) -> str:
     cord_count = len(manifest.cords)
+    if manifest.traces:
+        return (
+            f"One part with {cord_count} printed trace{'s' * (cord_count > 1)}: nothing is cut,"
+            " glued or crimped. All lengths are in mm."
+        )
     intro = (
         f"{len(manifest.parts)} parts, {cord_count} cord{'s' * (cord_count > 1)}. All lengths are"
         " in mm."

@@ -10,6 +10,8 @@ from .actions import Action, ActionKind, ExpectedResistance, Fact
 
 #: Relative tolerance of the resistance of pieces of one kind of cord.
 BATCH_TOLERANCE = 0.1
+#: Relative tolerance of the resistance of printed traces, whose resistivity is hardly known.
+TRACE_TOLERANCE = 0.5
 #: Relative tolerance of an installed cord's resistance, against its loose resistance times the
 #: predicted ratio.
 INSTALLED_TOLERANCE = 0.05
@@ -91,8 +93,10 @@ def expect_installed(cord: CutCord) -> ExpectedResistance:
     return _with_tolerance(cord.sensor, cord.resistance)
 
 
-def _with_tolerance(cord: str, ohm: float) -> ExpectedResistance:
-    return ExpectedResistance(cord, ohm, (1 - BATCH_TOLERANCE) * ohm, (1 + BATCH_TOLERANCE) * ohm)
+def _with_tolerance(
+    cord: str, ohm: float, tolerance: float = BATCH_TOLERANCE
+) -> ExpectedResistance:
+    return ExpectedResistance(cord, ohm, (1 - tolerance) * ohm, (1 + tolerance) * ohm)
 
 
 def plan_actions(manifest: Manifest) -> list[Action]:
@@ -112,6 +116,11 @@ class _Planner:
         self._is_bonded = manifest.assembly_of_cords == "bonded"
         self.actions: list[Action] = []
         self._plan_printing()
+        if manifest.traces:
+            for cord in manifest.cords:
+                self._plan_pads(cord)
+            self._connect()
+            return
         for cord in manifest.cords:
             self._prepare_cord(cord)
         for cord in (c for c in manifest.cords if not c.stretches):
@@ -140,6 +149,13 @@ class _Planner:
             self._add(ActionKind.CAST, {("moulds printed",)}, {("printed",)})
         if self._manifest.pins:
             self._add(ActionKind.TRY_PINS, {("printed",)}, {("pins tried",)})
+
+    def _plan_pads(self, cord: CutCord) -> None:
+        """Connect wires to the pads of a printed trace, and measure it."""
+        name = cord.sensor
+        expected = (_with_tolerance(name, cord.resistance, TRACE_TOLERANCE),)
+        pads: Fact = ("connected", name)
+        self._add(ActionKind.PADS, {("printed",)}, {pads}, cord=name, expected=expected)
 
     def _prepare_cord(self, cord: CutCord) -> None:
         """Prepare a cord at the bench; both wires are crimped unless one end must wait."""

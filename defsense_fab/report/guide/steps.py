@@ -189,6 +189,8 @@ def _step_key(action: Action) -> tuple[str, int | None]:
     """Return the kind and the joint of the step to which an action belongs."""
     if action.kind in (ActionKind.PRINT, ActionKind.CAST, ActionKind.TRY_PINS, ActionKind.CONNECT):
         return action.kind.value, None
+    if action.kind is ActionKind.PADS:
+        return "pads", None
     if action.joint is None:
         is_bench_work = action.kind in _BENCH_KINDS and not action.is_late
         return ("cords" if is_bench_work else "thread"), None
@@ -228,13 +230,20 @@ def _write_title(
             verb = "Try the joint of" if is_tried else "Continue with"
         return f"{verb} {describe_sides(manifest.assembly[joint])}"
     return {
-        "print": "Print the parts" if manifest.casting is None else "Print the moulds",
+        "print": _title_of_printing(manifest),
+        "pads": "Connect wires to the pads",
         "cast": "Cast the parts",
         "try pins": "Try the pins",
         "cords": "Cut the cords and crimp their wires",
         "thread": f"Insert {_label_cords(actions)}",
-        "wire to the board": "Connect the cords and measure",
+        "wire to the board": f"Connect the {'traces' if manifest.traces else 'cords'} and measure",
     }[kind]
+
+
+def _title_of_printing(manifest: Manifest) -> str:
+    if manifest.traces:
+        return "Print the body with its traces"
+    return "Print the parts" if manifest.casting is None else "Print the moulds"
 
 
 def _label_cords(actions: Sequence[Action]) -> str:

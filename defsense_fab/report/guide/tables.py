@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.arrays import Float
 from ...geometry.parts.records import Check
 from ...store.manifest import Manifest, WireRecord
 
@@ -32,7 +34,8 @@ def guide_tables(manifest: Manifest) -> tuple[GuideTable, ...]:
 
     The headings are also the columns of the CSV files in an exported device: do not change them.
     """
-    return _print_table(manifest), _cut_list(manifest), _bill_of_materials(manifest)
+    sensors = _list_traces(manifest) if manifest.traces else _cut_list(manifest)
+    return _print_table(manifest), sensors, _bill_of_materials(manifest)
 
 
 def _print_table(manifest: Manifest) -> GuideTable:
@@ -40,6 +43,8 @@ def _print_table(manifest: Manifest) -> GuideTable:
     bounds_on_plate = {name: box for p in manifest.plates for name, box in p.parts.items()}
     # Moulds are printed in place of the parts that are cast in them.
     pieces = [piece for mould in manifest.moulds for piece in mould.pieces]
+    if manifest.traces:
+        return _list_solids(manifest, plate_files, bounds_on_plate)
     solids = [(q.name, bounds_on_plate[q.name], q.volume) for q in pieces]
     solids = solids or [(p.name, p.bbox, p.volume) for p in manifest.parts]
     rows = [
@@ -63,6 +68,40 @@ def _print_table(manifest: Manifest) -> GuideTable:
         for p in manifest.pins
     ]
     return GuideTable("Print", ("part", "copies", "size", "cm3", "on plate"), tuple(rows))
+
+
+def _list_solids(
+    manifest: Manifest, files: Mapping[str, str], bounds: Mapping[str, Float]
+) -> GuideTable:
+    """Return the table of a body and its traces, which one file holds."""
+    volumes = {t.name: t.volume for t in manifest.traces}
+    rows = tuple(
+        (
+            name,
+            str(manifest.copies),
+            " x ".join(f"{size:.1f}" for size in np.ptp(box, axis=0)),
+            f"{volumes.get(name, manifest.parts[0].volume) / 1000:.2f}",
+            files[name],
+        )
+        for name, box in bounds.items()
+    )
+    return GuideTable("Print", ("part", "copies", "size", "cm3", "on plate"), rows)
+
+
+def _list_traces(manifest: Manifest) -> GuideTable:
+    rows = tuple(
+        (
+            t.name,
+            f"{t.length:.0f}",
+            f"{t.resistance:.0f}",
+            f"{t.range[0]:.0f} to {t.range[1]:.0f}",
+            f"{t.reference_resistor:g}",
+            " / ".join("({:.1f}, {:.1f}, {:.1f})".format(*p) for p in t.pads),
+        )
+        for t in manifest.traces
+    )
+    header = ("trace", "length", "ohm at rest", "ohm in use", "reference, ohm", "pads at")
+    return GuideTable("Traces", header, rows)
 
 
 def _cut_list(manifest: Manifest) -> GuideTable:

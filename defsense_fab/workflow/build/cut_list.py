@@ -231,6 +231,8 @@ def bill(
         Items with amount and use.
     """
     copies = device.fabrication.copies
+    if part_set.traces:
+        return _trace_bill(device, part_set, cords)
     for_copies = f" for {copies} devices" if copies > 1 else ""
     wires = [e.wire for c in cords for e in c.ends]
     volume_cm3 = copies * sum(p.volume for p in part_set.parts) / 1000
@@ -277,6 +279,38 @@ def bill(
     if len(part_set.parts) > 1:
         rows.append(_glue(device, copies * sum(c.area for c in part_set.contacts)))
     return tuple(rows)
+
+
+def _trace_bill(
+    device: Device, part_set: PartSet, cords: Sequence[CutCord]
+) -> tuple[BillItem, ...]:
+    """Return the bill of materials of a body with printed traces."""
+    copies, spec = device.fabrication.copies, device.cord.trace
+    assert spec is not None
+    body = copies * sum(p.volume for p in part_set.parts) / 1000
+    traces = copies * sum(t.volume for t in part_set.traces) / 1000
+    mass = body * device.material.density
+    return (
+        BillItem(f"{device.material.name}, extruder 1", f"{body:.0f} cm3", f"about {mass:.0f} g"),
+        BillItem(
+            f"{spec.filament}, extruder 2",
+            f"{traces:.1f} cm3",
+            f"{copies * len(cords)} traces; purging takes several times as much",
+        ),
+        BillItem(
+            "M2 screw, washer and crimp eyelet, or spring pin",
+            str(2 * copies * len(cords)),
+            "one for each pad",
+        ),
+        *(
+            BillItem(
+                f"resistor {c.reference_resistor:g} ohm, 1 %",
+                str(copies),
+                f"reference of the voltage divider of {c.sensor}",
+            )
+            for c in cords
+        ),
+    )
 
 
 def _glue(device: Device, area_mm2: float) -> BillItem:
