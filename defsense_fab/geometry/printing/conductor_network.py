@@ -10,11 +10,12 @@ from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
 
 from ...core.arrays import Bool, Float, Int
-from .bead_cells import ACROSS, ALONG, CELL_LENGTH_MM, Cells, Contacts
+from .bead_cells import ACROSS, ALONG, CELL_LENGTH_MM, LAYERS, Cells, Contacts
 
 AREA_UNIT_MM2 = 1e-4  # of the integer capacities of the flow
 #: Nodes this close to a terminal along the center line belong to it.
 TERMINAL_REACH_MM = 1.5 * CELL_LENGTH_MM
+_PARALLEL_COSINE = 0.9
 _UNLIMITED = 10**8  # in that unit
 
 
@@ -170,7 +171,8 @@ def find_necks(
     count = max(1, int(np.ceil((high - low - window) / (window / 2))) + 1)
     starts = np.linspace(low, high - window, count)
     order = np.argsort(arc[contacts.pair].min(axis=1))
-    pair, area = contacts.pair[order], contacts.area[order]
+    pair, area = contacts.pair[order], _align_areas(cells, contacts)[order]
+    pair, area = pair[area > 0], area[area > 0]
     first_arc = arc[pair].min(axis=1)
     last_arc = arc[pair].max(axis=1)
     necks = []
@@ -179,6 +181,21 @@ def find_necks(
         kept = a + np.flatnonzero(last_arc[a:b] <= start + window + CELL_LENGTH_MM)
         necks.append(_cut(cells, pair[kept], area[kept], arc, (start, start + window)))
     return necks
+
+
+def _align_areas(cells: Cells, contacts: Contacts) -> Float:
+    """Return areas (m,) of contact that a cut across parallel beads can avoid, mm^2.
+
+    Cells of neighboring beads are staggered. A contact that is shared by two cells goes whole to
+    the nearer one: otherwise a straight cut would also count areas between the beads.
+    """
+    i, j = contacts.pair.T
+    parallel = np.abs((cells.direction[i] * cells.direction[j]).sum(axis=1)) > _PARALLEL_COSINE
+    apart = contacts.distance > 0.5 * np.minimum(cells.width[i], cells.width[j])
+    is_side = (contacts.kind == LAYERS) | ((contacts.kind == ACROSS) & apart)
+    offset = np.abs(contacts.at).min(axis=1)
+    whole = np.where(offset <= 0.5, contacts.area / (1 - np.minimum(offset, 0.5)), 0.0)
+    return np.where(parallel & is_side, whole, contacts.area)
 
 
 def _cut(cells: Cells, pair: Int, area: Float, arc: Float, ends: tuple[float, float]) -> Neck:

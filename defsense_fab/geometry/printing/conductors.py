@@ -64,7 +64,7 @@ class TraceReport:
         is_connected: Whether beads connect both terminals.
         length: Length of the center line between the terminals, mm.
         resistance: Resistance between the terminals at rest (R0), ohm; infinite if unconnected.
-        neck_area: Narrowest cross-section between the terminals, mm^2.
+        neck_area: Narrowest cross-section, mm^2, from half a width beyond the terminals on.
         neck_point: Place (3,) of the narrowest cross-section, mm.
         volume: Deposited conductive volume, mm^3.
     """
@@ -193,7 +193,9 @@ def _check_trace(
         (low, high),
     )
     window = max(6 * max(trace.width, trace.height), 10 * CELL_LENGTH_MM)
-    necks = find_necks(cells, contacts, arc, (low, high), window)
+    # Beads turn around at the ends, where the contacts are.
+    edge = min(trace.width / 2, length / 4)
+    necks = find_necks(cells, contacts, arc, (low + edge, high - edge), window)
     narrowest = min(necks, key=lambda n: n.area)
     found = [
         Finding("neck", (trace.name,), n.point, n.area)
