@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
 
-from ...core.arrays import Bool, Float, Int
+from ...core.arrays import Float, Int
 from .bead_cells import ACROSS, ALONG, CELL_LENGTH_MM, LAYERS, Cells, Contacts
 
 AREA_UNIT_MM2 = 1e-4  # of the integer capacities of the flow
@@ -48,12 +48,10 @@ class Neck:
     Attributes:
         area: Area, mm^2; 0 if nothing connects the ends of the stretch.
         point: Center (3,), mm.
-        arc: Position along the center line, mm.
     """
 
     area: float
     point: Float
-    arc: float
 
 
 def find_components(count: int, pair: Int) -> Int:
@@ -207,7 +205,7 @@ def _cut(cells: Cells, pair: Int, area: Float, arc: Float, ends: tuple[float, fl
     first = np.flatnonzero(arc[used] <= min(ends[0] + slab, middle))
     last = np.flatnonzero(arc[used] > max(ends[1] - slab, middle))
     if not len(first) or not len(last):
-        return Neck(0.0, np.full(3, np.nan), middle)
+        return Neck(0.0, np.full(3, np.nan))
     capacity = np.maximum(np.round(area / AREA_UNIT_MM2), 1).astype(np.int32)
     rows = np.concatenate([local[:, 0], local[:, 1], np.full(len(first), n), last])
     columns = np.concatenate([local[:, 1], local[:, 0], first, np.full(len(last), n + 1)])
@@ -218,7 +216,7 @@ def _cut(cells: Cells, pair: Int, area: Float, arc: Float, ends: tuple[float, fl
     graph = sparse.csr_matrix(graph).astype(np.int32)
     flow = csgraph.maximum_flow(graph, n, n + 1)
     if flow.flow_value == 0:
-        return Neck(0.0, np.full(3, np.nan), middle)
+        return Neck(0.0, np.full(3, np.nan))
     residual = graph - flow.flow
     residual.data[residual.data < 0] = 0
     residual.eliminate_zeros()
@@ -226,4 +224,4 @@ def _cut(cells: Cells, pair: Int, area: Float, arc: Float, ends: tuple[float, fl
     reached[csgraph.breadth_first_order(residual, n, return_predecessors=False)] = True
     crossing = used[local[reached[local[:, 0]] != reached[local[:, 1]]]]
     point = cells.center[crossing].mean(axis=(0, 1))
-    return Neck(float(flow.flow_value) * AREA_UNIT_MM2, point, float(arc[crossing].mean()))
+    return Neck(float(flow.flow_value) * AREA_UNIT_MM2, point)

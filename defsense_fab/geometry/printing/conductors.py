@@ -199,7 +199,7 @@ def _check_trace(
     narrowest = min(necks, key=lambda n: n.area)
     found = [
         Finding("neck", (trace.name,), n.point, n.area)
-        for n in _select_necks(necks, neck_share * trace.area, window)
+        for n in _select_necks(necks, neck_share * trace.area)
     ]
     return (
         TraceReport(trace.name, True, length, resistance, narrowest.area, narrowest.point, volume),
@@ -207,16 +207,17 @@ def _check_trace(
     )
 
 
-def _select_necks(necks: Sequence[Neck], limit: float, window: float) -> list[Neck]:
-    """Return one neck per group of overlapping stretches that are too narrow."""
+def _select_necks(necks: Sequence[Neck], limit: float) -> list[Neck]:
+    """Return the narrowest neck of each run of overlapping stretches that are too narrow."""
     selected: list[Neck] = []
-    previous = -np.inf
-    for neck in sorted((n for n in necks if n.area < limit), key=lambda n: n.arc):
-        if neck.arc - previous > window / 2:
+    was_narrow = False
+    for neck in necks:
+        is_narrow = neck.area < limit
+        if is_narrow and not was_narrow:
             selected.append(neck)
-        elif neck.area < selected[-1].area:
+        elif is_narrow and neck.area < selected[-1].area:
             selected[-1] = neck
-        previous = neck.arc
+        was_narrow = is_narrow
     return selected
 
 

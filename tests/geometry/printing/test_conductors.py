@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -173,7 +174,7 @@ def long_meander(legs=10, length=80.0, pitch=3.0):
     for layer in range(4):
         for offset in (-0.4, 0.0, 0.4):
             path = []
-            for (x, y, _), (u, v, _) in zip(line[:-1], line[1:], strict=True):
+            for (x, y, _), (u, v, _) in pairwise(line):
                 count = max(int(np.hypot(u - x, v - y) / 0.15), 1)
                 share = np.linspace(0, 1, count + 1)[:, None]
                 path.append(np.array([x, y]) + share * np.array([u - x, v - y]))
