@@ -119,16 +119,14 @@ def solve_resistance(
         arc: Positions (k,) of the nodes along the center line, mm.
         ends: Positions of both terminals, mm.
     """
-    start, stop = nodes.of_cell.T
+    count = len(cells)
     side = contacts.take(contacts.kind != ALONG)
     rho = np.where(side.kind == ACROSS, resistivity.across, resistivity.layers)
     share = (side.at + 1) / 2
-    rows = np.repeat(
-        np.arange(len(cells) + len(side.kind)), [2] * len(cells) + [4] * len(side.kind)
-    )
+    rows = np.repeat(np.arange(count + len(side.kind)), [2] * count + [4] * len(side.kind))
     columns = np.concatenate([nodes.of_cell.reshape(-1), nodes.of_cell[side.pair].reshape(-1)])
     weight = np.stack([1 - share[:, 0], share[:, 0], share[:, 1] - 1, -share[:, 1]], axis=1)
-    values = np.concatenate([np.tile([1.0, -1.0], len(start)), weight.reshape(-1)])
+    values = np.concatenate([np.tile([1.0, -1.0], count), weight.reshape(-1)])
     difference = sparse.csr_array((values, (rows, columns)), shape=(rows[-1] + 1, len(arc)))
     conductance = np.concatenate(
         [cells.section / (resistivity.along * cells.length), side.area / (rho * side.distance)]
