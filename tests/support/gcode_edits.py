@@ -78,9 +78,8 @@ def swap_tool(text, tool, other, low, high):
 
 def add_extrusion(text, tool, start, end, z, e_per_mm=0.0339):
     """Return the text with one more bead of a tool in the layer of nozzle height z."""
-    out, active, height, is_done = [], 0, 0.0, False
-    for line in text.splitlines():
-        out.append(line)
+    lines, active, height, last = text.splitlines(), 0, 0.0, None
+    for number, line in enumerate(lines):
         if line[:1] == "T" and line[1:].strip().isdigit():
             active = int(line[1:])
         if not line.startswith(("G0 ", "G1 ")):
@@ -89,11 +88,14 @@ def add_extrusion(text, tool, start, end, z, e_per_mm=0.0339):
         height = height if value is None else value
         x, y, e = (_number(line, letter) for letter in "XYE")
         extrudes = e is not None and e > 0 and x is not None and y is not None
-        if extrudes and active == tool and abs(height - z) < 1e-6 and not is_done:
-            length = float(np.hypot(end[0] - start[0], end[1] - start[1]))
-            out.append(f"G1 X{start[0]:.3f} Y{start[1]:.3f}")
-            out.append(f"G1 X{end[0]:.3f} Y{end[1]:.3f} E{e_per_mm * length:.5f}")
-            out.append(f"G1 X{x:.3f} Y{y:.3f}")
-            is_done = True
-    assert is_done
-    return "\n".join(out) + "\n"
+        if extrudes and active == tool and abs(height - z) < 1e-6:
+            last = number, x, y
+    assert last is not None
+    number, x, y = last
+    length = float(np.hypot(end[0] - start[0], end[1] - start[1]))
+    lines[number + 1 : number + 1] = [
+        f"G1 X{start[0]:.3f} Y{start[1]:.3f}",
+        f"G1 X{end[0]:.3f} Y{end[1]:.3f} E{e_per_mm * length:.5f}",
+        f"G1 X{x:.3f} Y{y:.3f}",
+    ]
+    return "\n".join(lines) + "\n"

@@ -59,7 +59,7 @@ def straight_traces():
     points = np.array([[10.0, 10, 0.6], [40.0, 10, 0.6]])
     return (
         Trace("lower", points, WIDTH, HEIGHT),
-        Trace("upper", points + [0, 4.0, 0], WIDTH, HEIGHT),
+        Trace("upper", points + np.array([0, 4.0, 0]), WIDTH, HEIGHT),
     )
 
 

@@ -95,7 +95,7 @@ class Contacts:
 
     def within(self, chosen: Bool) -> Contacts:
         """Return the contacts between chosen cells (n,), by the cells' indices among all."""
-        return self.take(chosen[self.pair].all(axis=1))
+        return self.take(np.asarray(chosen[self.pair].all(axis=1)))
 
 
 def cut_into_cells(beads: Beads, chosen: Int) -> tuple[Cells, Int]:

@@ -9,12 +9,13 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
 
-from ...core.arrays import Bool, Float, Int
-from .bead_cells import ACROSS, ALONG, CELL_LENGTH_MM, Cells, Contacts
+from ...core.arrays import Float, Int
+from .bead_cells import ACROSS, ALONG, CELL_LENGTH_MM, LAYERS, Cells, Contacts
 
 AREA_UNIT_MM2 = 1e-4  # of the integer capacities of the flow
 #: Nodes this close to a terminal along the center line belong to it.
 TERMINAL_REACH_MM = 1.5 * CELL_LENGTH_MM
+_PARALLEL_COSINE = 0.9
 _UNLIMITED = 10**8  # in that unit
 
 
@@ -47,12 +48,10 @@ class Neck:
     Attributes:
         area: Area, mm^2; 0 if nothing connects the ends of the stretch.
         point: Center (3,), mm.
-        arc: Position along the center line, mm.
     """
 
     area: float
     point: Float
-    arc: float
 
 
 def find_components(count: int, pair: Int) -> Int:
@@ -120,16 +119,14 @@ def solve_resistance(
         arc: Positions (k,) of the nodes along the center line, mm.
         ends: Positions of both terminals, mm.
     """
-    start, stop = nodes.of_cell.T
+    count = len(cells)
     side = contacts.take(contacts.kind != ALONG)
     rho = np.where(side.kind == ACROSS, resistivity.across, resistivity.layers)
     share = (side.at + 1) / 2
-    rows = np.repeat(
-        np.arange(len(cells) + len(side.kind)), [2] * len(cells) + [4] * len(side.kind)
-    )
+    rows = np.repeat(np.arange(count + len(side.kind)), [2] * count + [4] * len(side.kind))
     columns = np.concatenate([nodes.of_cell.reshape(-1), nodes.of_cell[side.pair].reshape(-1)])
     weight = np.stack([1 - share[:, 0], share[:, 0], share[:, 1] - 1, -share[:, 1]], axis=1)
-    values = np.concatenate([np.tile([1.0, -1.0], len(start)), weight.reshape(-1)])
+    values = np.concatenate([np.tile([1.0, -1.0], count), weight.reshape(-1)])
     difference = sparse.csr_array((values, (rows, columns)), shape=(rows[-1] + 1, len(arc)))
     conductance = np.concatenate(
         [cells.section / (resistivity.along * cells.length), side.area / (rho * side.distance)]
@@ -170,7 +167,8 @@ def find_necks(
     count = max(1, int(np.ceil((high - low - window) / (window / 2))) + 1)
     starts = np.linspace(low, high - window, count)
     order = np.argsort(arc[contacts.pair].min(axis=1))
-    pair, area = contacts.pair[order], contacts.area[order]
+    pair, area = contacts.pair[order], _align_areas(cells, contacts)[order]
+    pair, area = pair[area > 0], area[area > 0]
     first_arc = arc[pair].min(axis=1)
     last_arc = arc[pair].max(axis=1)
     necks = []
@@ -179,6 +177,21 @@ def find_necks(
         kept = a + np.flatnonzero(last_arc[a:b] <= start + window + CELL_LENGTH_MM)
         necks.append(_cut(cells, pair[kept], area[kept], arc, (start, start + window)))
     return necks
+
+
+def _align_areas(cells: Cells, contacts: Contacts) -> Float:
+    """Return areas (m,) of contact that a cut across parallel beads can avoid, mm^2.
+
+    Cells of neighboring beads are staggered. A contact that is shared by two cells goes whole to
+    the nearer one: otherwise a straight cut would also count areas between the beads.
+    """
+    i, j = contacts.pair.T
+    parallel = np.abs((cells.direction[i] * cells.direction[j]).sum(axis=1)) > _PARALLEL_COSINE
+    apart = contacts.distance > 0.5 * np.minimum(cells.width[i], cells.width[j])
+    is_side = (contacts.kind == LAYERS) | ((contacts.kind == ACROSS) & apart)
+    offset = np.abs(contacts.at).min(axis=1)
+    whole = np.where(offset <= 0.5, contacts.area / (1 - np.minimum(offset, 0.5)), 0.0)
+    return np.where(parallel & is_side, whole, contacts.area)
 
 
 def _cut(cells: Cells, pair: Int, area: Float, arc: Float, ends: tuple[float, float]) -> Neck:
@@ -190,7 +203,7 @@ def _cut(cells: Cells, pair: Int, area: Float, arc: Float, ends: tuple[float, fl
     first = np.flatnonzero(arc[used] <= min(ends[0] + slab, middle))
     last = np.flatnonzero(arc[used] > max(ends[1] - slab, middle))
     if not len(first) or not len(last):
-        return Neck(0.0, np.full(3, np.nan), middle)
+        return Neck(0.0, np.full(3, np.nan))
     capacity = np.maximum(np.round(area / AREA_UNIT_MM2), 1).astype(np.int32)
     rows = np.concatenate([local[:, 0], local[:, 1], np.full(len(first), n), last])
     columns = np.concatenate([local[:, 1], local[:, 0], first, np.full(len(last), n + 1)])
@@ -201,7 +214,7 @@ def _cut(cells: Cells, pair: Int, area: Float, arc: Float, ends: tuple[float, fl
     graph = sparse.csr_matrix(graph).astype(np.int32)
     flow = csgraph.maximum_flow(graph, n, n + 1)
     if flow.flow_value == 0:
-        return Neck(0.0, np.full(3, np.nan), middle)
+        return Neck(0.0, np.full(3, np.nan))
     residual = graph - flow.flow
     residual.data[residual.data < 0] = 0
     residual.eliminate_zeros()
@@ -209,4 +222,4 @@ def _cut(cells: Cells, pair: Int, area: Float, arc: Float, ends: tuple[float, fl
     reached[csgraph.breadth_first_order(residual, n, return_predecessors=False)] = True
     crossing = used[local[reached[local[:, 0]] != reached[local[:, 1]]]]
     point = cells.center[crossing].mean(axis=(0, 1))
-    return Neck(float(flow.flow_value) * AREA_UNIT_MM2, point, float(arc[crossing].mean()))
+    return Neck(float(flow.flow_value) * AREA_UNIT_MM2, point)

@@ -64,7 +64,7 @@ class TraceReport:
         is_connected: Whether beads connect both terminals.
         length: Length of the center line between the terminals, mm.
         resistance: Resistance between the terminals at rest (R0), ohm; infinite if unconnected.
-        neck_area: Narrowest cross-section between the terminals, mm^2.
+        neck_area: Narrowest cross-section, mm^2, from half a width beyond the terminals on.
         neck_point: Place (3,) of the narrowest cross-section, mm.
         volume: Deposited conductive volume, mm^3.
     """
@@ -193,11 +193,13 @@ def _check_trace(
         (low, high),
     )
     window = max(6 * max(trace.width, trace.height), 10 * CELL_LENGTH_MM)
-    necks = find_necks(cells, contacts, arc, (low, high), window)
+    # Beads turn around at the ends, where the contacts are.
+    edge = min(trace.width / 2, length / 4)
+    necks = find_necks(cells, contacts, arc, (low + edge, high - edge), window)
     narrowest = min(necks, key=lambda n: n.area)
     found = [
         Finding("neck", (trace.name,), n.point, n.area)
-        for n in _select_necks(necks, neck_share * trace.area, window)
+        for n in _select_necks(necks, neck_share * trace.area)
     ]
     return (
         TraceReport(trace.name, True, length, resistance, narrowest.area, narrowest.point, volume),
@@ -205,16 +207,17 @@ def _check_trace(
     )
 
 
-def _select_necks(necks: Sequence[Neck], limit: float, window: float) -> list[Neck]:
-    """Return one neck per group of overlapping stretches that are too narrow."""
+def _select_necks(necks: Sequence[Neck], limit: float) -> list[Neck]:
+    """Return the narrowest neck of each run of overlapping stretches that are too narrow."""
     selected: list[Neck] = []
-    previous = -np.inf
-    for neck in sorted((n for n in necks if n.area < limit), key=lambda n: n.arc):
-        if neck.arc - previous > window / 2:
+    was_narrow = False
+    for neck in necks:
+        is_narrow = neck.area < limit
+        if is_narrow and not was_narrow:
             selected.append(neck)
-        elif neck.area < selected[-1].area:
+        elif is_narrow and neck.area < selected[-1].area:
             selected[-1] = neck
-        previous = neck.arc
+        was_narrow = is_narrow
     return selected
 
 
