@@ -163,6 +163,7 @@ _TASKS: dict[str, dict[str, tuple[str, str]]] = {
         "fabricate": ("design.build", "Make the parts, and run the stages before"),
         "report": ("design.build", "Write the report, and run the stages before"),
         "modes": ("design.modes", "Propose poses from the deformation modes of a body"),
+        "traces": ("design.traces", "Check the G-code of a device with printed traces"),
         "study": ("design.study", "Compare designs: numbers of cords, or values of device.toml"),
         "studio": ("design.studio", "Edit and watch a device in the browser"),
     },

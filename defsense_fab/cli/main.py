@@ -56,6 +56,7 @@ _INTERRUPTED = {
     "cache": "Some files were deleted; rerun the command to delete the others.",
     "licences": "Nothing was changed.",
     "completion": "Nothing was changed.",
+    "traces": "Nothing was written.",
     "twin": "No incomplete session is kept; solved states are reused by the next run.",
 }
 

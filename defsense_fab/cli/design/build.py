@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -271,6 +271,10 @@ def _print_parts(manifest: Manifest) -> None:
         size = " x ".join(f"{length:.1f}" for length in part.bbox[1] - part.bbox[0])
         table.add_row(part.name, f"{part.volume / 1000:.2f}", size)
     console().print(table)
+    if manifest.traces:
+        console().print(_tabulate_traces(manifest))
+        print_lines(f"note: {warning}" for warning in manifest.warnings)
+        return
     table = Table(title="Cut list")
     for column in ("cord", "cut length (mm)", "loose (ohm)", "inserted (ohm)"):
         table.add_column(column, justify="left" if column == "cord" else "right")
@@ -280,6 +284,20 @@ def _print_parts(manifest: Manifest) -> None:
     console().print(table)
     print_lines(_describe_plates(manifest))
     print_lines(f"note: {warning}" for warning in manifest.warnings)
+
+
+def _tabulate_traces(manifest: Manifest) -> Any:
+    """Return the table of printed traces."""
+    from rich.table import Table
+
+    table = Table(title="Traces")
+    for column in ("trace", "length (mm)", "at rest (ohm)", "in use (ohm)"):
+        table.add_column(column, justify="left" if column == "trace" else "right")
+    for trace in manifest.traces:
+        low, high = trace.range
+        in_use = f"{low:.0f} to {high:.0f}"
+        table.add_row(trace.name, f"{trace.length:.0f}", f"{trace.resistance:.0f}", in_use)
+    return table
 
 
 def _describe_plates(manifest: Manifest) -> list[str]:
@@ -303,7 +321,9 @@ def _describe_plates(manifest: Manifest) -> list[str]:
 def _print_next_step(
     name: str, last_stage: str, build: Path, device: Path, options: BuildOptions
 ) -> None:
-    print_parts = f"slice {build}/parts/plate*.3mf, follow {build}/guide.html"
+    has_traces = (build / "parts" / "prusaslicer.3mf").exists()
+    files = "prusaslicer.3mf" if has_traces else "plate*.3mf"
+    print_parts = f"slice {build}/parts/{files}, follow {build}/guide.html"
     next_step = {
         "build": print_parts,
         "mesh": f"defsense simulate {device}",

@@ -96,9 +96,7 @@ def write_printed(
     write_bambu_3mf(solids, out / BAMBU_3MF, device.name)
     write_material_3mf(solids, out / MATERIAL_3MF, device.name)
     f = device.fabrication
-    settings = TraceSettings(
-        nozzle_mm=(f.line, f.line), layer_mm=f.layer, bed_mm=(bed[0], bed[1])
-    )
+    settings = TraceSettings(nozzle_mm=(f.line, f.line), layer_mm=f.layer, bed_mm=(bed[0], bed[1]))
     write_prusa_settings(settings, out / SETTINGS)
     plate = Plate(PRUSA_3MF, {s.name: s.surface.bounds for s in solids})
     return (plate,), (PRUSA_3MF, BAMBU_3MF, MATERIAL_3MF)

@@ -1,0 +1,91 @@
+"""Check a sliced print of a device with printed traces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.device.build_folder import BUILD_AGAIN
+from ...core.device.device import Device
+from ...core.errors import FabricationError
+from ...geometry.parts.printed_traces import PAD_DEPTH_MM, PAD_DIAMETER_MM
+from ...geometry.printing.conductors import ConductorReport, check_traces
+from ...geometry.printing.conductor_network import Resistivity
+from ...geometry.printing.gcode import find_shift, read_beads
+from ...geometry.printing.traces import Trace
+from ...store.build import Build
+from .printed import place_on_bed
+
+CONDUCTIVE_TOOL = 1  # the second extruder, counted from 0
+
+
+@dataclass(frozen=True)
+class CheckedPrint:
+    """A sliced print compared with its device.
+
+    Attributes:
+        report: What the print contains of each trace, and its findings.
+        expected: Resistance (t,) of each trace by the design, ohm.
+        slicer: Name and version of the slicer; empty if the file does not state it.
+    """
+
+    report: ConductorReport
+    expected: tuple[float, ...]
+    slicer: str
+
+
+def check_gcode(
+    device: Device, build: Build, gcode: Path, tool: int = CONDUCTIVE_TOOL
+) -> CheckedPrint:
+    """Compare the beads of a sliced print with the traces of a built device.
+
+    Args:
+        device: The device.
+        build: Its build.
+        gcode: G-code of its file for a slicer; the slicer may have moved the object on the bed.
+        tool: Number of the conductive extruder, from 0.
+
+    Raises:
+        FabricationError: The device has no printed traces, or the file is no G-code of it.
+        StorageError: The device has no parts.
+    """
+    spec, manifest = device.cord.trace, build.manifest
+    if spec is None or not manifest.traces:
+        raise FabricationError(
+            "has no printed traces",
+            code="no-printed-traces",
+            where=device.name,
+            action=f'Set [cord] process = "printed" in device.toml. {BUILD_AGAIN}',
+        )
+    up, bed = np.array(device.fabrication.up), device.fabrication.bed
+    body = build.parts[manifest.parts[0].name]
+    low, high = manifest.plates[0].parts["body"]
+    beads = read_beads(gcode)
+    shift = find_shift(beads, low, high)
+    traces = [
+        Trace(
+            t.name,
+            place_on_bed(t.line, up, body, bed) + shift,
+            spec.width,
+            spec.height,
+            place_on_bed(t.pads, up, body, bed) + shift,
+        )
+        for t in manifest.traces
+    ]
+    resistivity = Resistivity(
+        spec.resistivity, spec.across * spec.resistivity, spec.between_layers * spec.resistivity
+    )
+    report = check_traces(beads, traces, tool, resistivity)
+    pads = np.concatenate([t.ends for t in traces])
+    kept = [f for f in report.findings if f.kind != "stray" or not _is_in_pad(f.point, pads)]
+    report = replace(report, findings=tuple(kept))
+    return CheckedPrint(report, tuple(t.resistance for t in manifest.traces), beads.slicer)
+
+
+def _is_in_pad(point: Float, pads: Float) -> bool:
+    """Return whether conductive filament at a point (3,) belongs to one of the pads (n, 3), mm."""
+    reach = PAD_DIAMETER_MM / 2 + PAD_DEPTH_MM
+    return bool((np.linalg.norm(pads - point, axis=1) < reach).any())
