@@ -140,7 +140,7 @@ class Hermite:
     @property
     def is_planar(self) -> bool:
         """Whether the curve is in a plane, with points [x, y]."""
-        return self.points.shape[1] == 2
+        return bool(self.points.shape[1] == 2)
 
     def sample(self, per_span: int) -> Float:
         """Return the points ((k - 1) * per_span + 1, 2 or 3) at uniform t, mm."""

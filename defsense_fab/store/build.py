@@ -88,7 +88,12 @@ class Build:
 
     @cached_property
     def fields(self) -> Fields:
-        """Displacements and strains of all states."""
+        """Displacements and strains of all states, with printed traces in the body if it has any."""
+        return load_fields(self.folder, has_traces=True)
+
+    @cached_property
+    def plain_fields(self) -> Fields:
+        """Displacements and strains of all states, without traces."""
         return load_fields(self.folder)
 
     @cached_property

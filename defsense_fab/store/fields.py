@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,8 @@ from ..mechanics.solver import fields
 from .mesh import read_vtu
 
 FOLDER, INDEX = "fields", "fields/index.json"
+#: Fields of a body that its printed traces stiffen, which replace those of the body alone.
+TRACED = "fields-with-traces"
 # Decimals of displacements in mm: the last digits of a solution depend on the number of threads,
 # and must not affect the layout.
 _DECIMALS = 5
@@ -111,9 +114,9 @@ def load_index(folder: Path) -> FieldIndex:
     return typed_json.load(folder / INDEX, FieldIndex, BUILD_AGAIN)
 
 
-def field_path(folder: Path, state: str) -> Path:
-    """Return the path of a state's VTU file."""
-    return folder / FOLDER / f"{state_file(state)}.vtu"
+def field_path(folder: Path, state: str, fields: str = FOLDER) -> Path:
+    """Return the path of a state's VTU file; `fields` is `FOLDER` or `TRACED`."""
+    return folder / fields / f"{state_file(state)}.vtu"
 
 
 def state_file(state: str) -> str:
@@ -156,10 +159,42 @@ def save_field(
     return u, stretches[:, 0] - 1
 
 
-def load_fields(folder: Path) -> Fields:
-    """Return the fields of all states of a build. Raises StorageError."""
+def save_traced_fields(
+    folder: Path, mesh: QuadraticMesh, index: FieldIndex, displacements: Float
+) -> Fields:
+    """Write the fields of a body with printed traces.
+
+    Args:
+        folder: The build's folder.
+        mesh: Quadratic mesh with n nodes.
+        index: Index of the s states.
+        displacements: Displacements (s, n, 3), mm.
+
+    Returns:
+        The fields as they are stored.
+    """
+    shutil.rmtree(folder / TRACED, ignore_errors=True)
+    (folder / TRACED).mkdir()
+    saved = [
+        save_field(field_path(folder, s.state, TRACED), mesh, u, {})
+        for s, u in zip(index.states, displacements, strict=True)
+    ]
+    return Fields.of(index.states, saved)
+
+
+def load_fields(folder: Path, has_traces: bool = False) -> Fields:
+    """Return the fields of all states of a build.
+
+    Args:
+        folder: The build's folder.
+        has_traces: Whether to return those with printed traces, if the build has any.
+
+    Raises:
+        StorageError: A file is missing or damaged.
+    """
     states = load_index(folder).states
-    data = [read_vtu(field_path(folder, s.state)).point_data for s in states]
+    fields = TRACED if has_traces and (folder / TRACED).is_dir() else FOLDER
+    data = [read_vtu(field_path(folder, s.state, fields)).point_data for s in states]
     return Fields.of(states, [(d["displacement"], d["strain"]) for d in data])
 
 

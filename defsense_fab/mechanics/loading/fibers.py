@@ -30,6 +30,7 @@ SHORT_EDGES, POINTS = 1 / 6, 2
 MIN_DEPTH = -0.5
 #: Stretch below which the energy is continued quadratically, so that forces stay finite.
 MIN_STRETCH = 0.3
+_STEEP_SINE = 1e-3  # between a path and the normal of its layers
 _MIN_LENGTH_MM = 1e-6  # of a part of a line; shorter parts are left out
 _MIN_SHARE = 1e-6  # of a part that must be in a tet
 _MAX_SPLITS = 60  # rounds, each of which takes one tet from each part
@@ -105,7 +106,12 @@ class Fibers:
 
 def _miters(path: Float, normal: Float) -> Float:
     """Return vectors (p, 3) that offset a path sideways by 1, so that its pieces stay parallel."""
-    side = np.cross(normal, np.diff(path, axis=0))
+    step = np.diff(path, axis=0)
+    side = np.cross(normal, step)
+    size = np.linalg.norm(side, axis=1)
+    is_steep = size < _STEEP_SINE * np.linalg.norm(step, axis=1) * np.linalg.norm(normal)
+    # Along the normal, any direction is across; all steep pieces take the same.
+    side[is_steep] = np.cross(step[is_steep], np.roll(normal, 1) + [0.3, 0.2, 0.1])
     side /= np.linalg.norm(side, axis=1)[:, None]
     before, after = np.concatenate([side[:1], side]), np.concatenate([side, side[-1:]])
     total = before + after

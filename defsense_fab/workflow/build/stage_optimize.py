@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -48,6 +48,7 @@ from ..design.session_shares import session_shares
 from .continued_layout import EarlierLayout
 from .layout_searches import MapTasks, Search, SearchObserver, SearchRunner
 from .stages import Report, Watch
+from .traced_poses import MIN_SIGNAL_CHANGE, stiffen, use_plain_fields
 
 # The fewer the cords, the less time a search takes, and the more its random choices matter.
 _CORD_SEARCHES = 15  # searches times cords
@@ -96,6 +97,7 @@ def run(
         LayoutError: No layout keeps the limits.
     """
     observer = SearchObserver(build.folder, watch)
+    use_plain_fields(build)
     task = load_task(device, build)
 
     def choose(
@@ -117,7 +119,14 @@ def run(
         task, first = _search_decoders(device, task, subrange(report, 0.0, 0.4), runner)
         found = _search_alternatives(device, task, first, subrange(report, 0.4, 0.8), runner)
         chosen, trials = choose(task, found)
-    build.layout = replace(_layout_record(device, build, task, chosen, trials), continued=how)
+    stiffness: tuple[str, ...] = ()
+    if device.cord.trace is not None and chosen.relief is not None:
+        others = [t for t in trials if t is not chosen]
+        task, chosen, stiffness = _stiffen(device, build, task, chosen, report, choose)
+        trials = (chosen, *others)
+    record = _layout_record(device, build, task, chosen, trials)
+    warnings = (*record.warnings, *stiffness)
+    build.layout = replace(record, continued=how, warnings=warnings)
     build.prediction = PredictionRecord(
         task.points,
         task.names,
@@ -133,6 +142,32 @@ def run(
     if chosen.part_set is None or chosen.relief is None:
         return None
     return Winner(chosen.relief.device, chosen.relief.notes, chosen.part_set, task)
+
+
+def _stiffen(
+    device: Device,
+    build: Build,
+    task: DesignTask,
+    chosen: Trial,
+    report: Report,
+    choose: Callable[[DesignTask, Sequence[OptimizedLayout]], tuple[Trial, tuple[Trial, ...]]],
+) -> tuple[DesignTask, Trial, tuple[str, ...]]:
+    """Predict a layout of printed traces with their stiffness, and improve it where that matters.
+
+    Returns:
+        The task with the poses of the stiffened body, the layout made on trial, and notes.
+    """
+    assert chosen.relief is not None
+    effect = stiffen(device, build, task, tuple(chosen.relief.channels), report)
+    layouts = [chosen.layout]
+    if effect.signals > MIN_SIGNAL_CHANGE and any(s.free for s in chosen.layout.sensors):
+        with suppress(LayoutError):
+            layouts.append(improve_layout(effect.task.design, chosen.layout.sensors, report))
+    best, _ = choose(effect.task, layouts)
+    if best.relief is not None and best.layout.sensors is not chosen.layout.sensors:
+        effect = stiffen(device, build, task, tuple(best.relief.channels), report)
+        best, _ = choose(effect.task, [best.layout])
+    return effect.task, best, (effect.describe(),)
 
 
 def _continue(

@@ -112,7 +112,7 @@ def _save_fields(
         Material.from_spec(device.material).title, solver_name(), tuple(warnings), tuple(states)
     )
     save_index(folder, build.field_index)
-    build.fields = Fields.of(states, fields)
+    build.fields = build.plain_fields = Fields.of(states, fields)
 
 
 def track_jobs(plan: Sequence[Loading], report: Report) -> Callable[[int, float], None]:

@@ -192,10 +192,4 @@ def printing_notes(device: Device, records: tuple[TraceRecord, ...]) -> dict[str
                 f"trace {record.name} has about {record.resistance / 1e6:.1f} Mohm, too much for a"
                 " plain divider: readings are noisy. Use a wider trace or a better filament"
             ] = middle
-    ratio = spec.young_modulus / device.material.young_modulus
-    if ratio > 1.5:
-        notes[
-            f"the traces are {ratio:.2g} times as stiff as the body, which the simulation of the"
-            " poses ignores"
-        ] = None
     return notes
