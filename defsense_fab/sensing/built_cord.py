@@ -49,6 +49,41 @@ class BuiltCord:
 
 
 @dataclass(frozen=True)
+class TraceSection:
+    """Cross-section of printed traces, which conduct differently by direction.
+
+    A trace is swept by an upright cylinder, and its beads follow it. So a level trace has the area
+    width x height and conducts along its beads; a vertical one has the area of a disc and conducts
+    from layer to layer.
+
+    Attributes:
+        width: Width across the path, mm.
+        height: Height of a level trace, mm.
+        up: Unit direction (3,) of printing.
+        between_layers: Resistivity between layers, as a multiple of that along beads.
+    """
+
+    width: float
+    height: float
+    up: Float
+    between_layers: float
+
+    def relative_resistance(self, path: Float) -> Float:
+        """Return the resistance per length of the segments of a path (p, 3) mm.
+
+        Returns:
+            Multiples (p - 1,) of that of a level trace.
+        """
+        step = np.diff(path, axis=0)
+        rise = np.abs(step @ self.up) / np.maximum(np.linalg.norm(step, axis=1), 1e-12)
+        rise = np.minimum(rise, 1.0)
+        level = np.sqrt(1 - rise**2)
+        area = self.height * level + np.pi / 4 * self.width * rise
+        resistivity = level**2 + self.between_layers * rise**2
+        return np.asarray(resistivity * self.height / area)
+
+
+@dataclass(frozen=True)
 class CordReading:
     """How cords of one kind are read.
 
@@ -57,22 +92,34 @@ class CordReading:
         ohm_per_mm: Resistance per length of loose cord, ohm/mm.
         relative: Standard deviation of (R - R0)/R0, whatever the cord's length.
         contact: Standard deviation of the resistance of each joint, ohm.
+        section: Cross-section of printed traces; None for cords.
     """
 
     response: Response
     ohm_per_mm: float
     relative: float
     contact: float
+    section: TraceSection | None = None
 
     @classmethod
     def from_device(cls, device: Device) -> CordReading:
         """Create the readings of a device's cord by its converter."""
         cord = device.cord
         relative = float(np.hypot(cord.noise, quantization_noise(device.converter)))
-        return cls(build_response(cord.response), cord.ohm_per_mm, relative, cord.contact)
+        section = None
+        if cord.trace is not None:
+            t, up = cord.trace, np.array(device.fabrication.up)
+            section = TraceSection(t.width, t.height, up, t.between_layers)
+        response = build_response(cord.response)
+        return cls(response, cord.ohm_per_mm, relative, cord.contact, section)
 
     def resistance(self, cord: BuiltCord) -> float:
         """Return the resistance between the joints at rest, ohm."""
+        if self.section is not None:
+            ratio = self.section.relative_resistance(cord.path)
+            steps = np.diff(arc_lengths(cord.path))
+            mean = float((ratio * steps).sum() / steps.sum())
+            return self.ohm_per_mm * mean * (cord.length + cord.series)
         return self.ohm_per_mm * (
             self.conducting_length(cord.length, cord.prestretch) + cord.series
         )
@@ -101,7 +148,9 @@ class CordReading:
             (R - R0)/R0 in each state (s,).
         """
         if cord.prestretch is None:
-            signals = cord_signals(cord.path, deformed, self.response)
+            section = self.section
+            ratio = None if section is None else section.relative_resistance(cord.path)
+            signals = cord_signals(cord.path, deformed, self.response, ratio)
         else:
             response = held_response(self.response, cord.prestretch)
             signals = response(mean_strain(cord.path, deformed))

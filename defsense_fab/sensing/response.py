@@ -112,13 +112,17 @@ def _add_tangents(inside: Response, low: float, high: float) -> Response:
     return Response(breaks, origins, pieces)
 
 
-def cord_signals(rest: Float, deformed: Float, response: Response) -> Float:
+def cord_signals(
+    rest: Float, deformed: Float, response: Response, resistance: Float | None = None
+) -> Float:
     """Return the signals of cords that follow the body.
 
     Args:
         rest: Polylines (..., p, 3) at rest, mm.
         deformed: The same in each state (s, ..., p, 3), mm.
         response: Response to strain.
+        resistance: Resistances (..., p - 1) of the segments per length, in any unit; equal by
+            default.
 
     Returns:
         (R - R0)/R0 (s, ...).
@@ -126,6 +130,10 @@ def cord_signals(rest: Float, deformed: Float, response: Response) -> Float:
     before, after = (np.linalg.norm(np.diff(x, axis=-2), axis=-1) for x in (rest, deformed))
     length = before.sum(-1)
     slope = response.linear_slope
+    if resistance is not None:
+        weight = before * resistance
+        strain = after / np.maximum(before, 1e-300) - 1
+        return np.asarray((weight * response(strain)).sum(-1) / weight.sum(-1))
     if slope is not None:  # only the total length matters
         return np.asarray(slope * (after.sum(-1) / length - 1))
     before = np.maximum(before, 1e-300)  # a segment without length has no weight

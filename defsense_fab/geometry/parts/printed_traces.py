@@ -10,7 +10,7 @@ from typing import Any
 import manifold3d as m3
 import numpy as np
 
-from ...core.arrays import Float
+from ...core.arrays import Float, format_point
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..channels.cord_channels import Channel
@@ -24,6 +24,7 @@ PAD_DIAMETER_MM, PAD_DEPTH_MM = 5.0, 1.2  # of the contact at each end: an M2 sc
 _SIDES = 16  # of a trace's upright section
 _SAG_MM = 0.02  # between the trace and its path
 _OUTSIDE_MM = 0.5  # by which solids reach out of the body before they are cut flush
+_MAX_SLIVER_MM3 = 5.0  # of the body, left out as a void next to a trace
 _MAX_OVERLAP_MM3 = 1e-6  # of two traces
 
 
@@ -112,7 +113,7 @@ def make_printed(
                 traces=(a.name, b.name),
             )
     report(0.6, "cutting traces out of the body")
-    whole = flat - triangle_kernel.union(solids)
+    whole = _drop_slivers(flat - triangle_kernel.union(solids))
     traces = tuple(_make_part(c.name, s, shape.up) for c, s in zip(channels, solids, strict=True))
     part = _make_part("1-whole", whole, shape.up)
     bodies = (whole,)
@@ -150,6 +151,26 @@ def _make_trace(channel: Channel, shape: TraceShape) -> Any:
             triangle_kernel.from_plane_frame(pad, axes_from_normal((high - low) / height), low)
         )
     return triangle_kernel.union(solids)
+
+
+def _drop_slivers(whole: Any) -> Any:
+    """Return a body without the slivers that a trace cuts off where it reaches the skin.
+
+    Raises:
+        FabricationError: A piece is too large to be left out.
+    """
+    pieces = sorted(whole.decompose(), key=lambda piece: float(piece.volume()))
+    for piece in pieces[:-1]:
+        if float(piece.volume()) > _MAX_SLIVER_MM3:
+            at = triangle_kernel.to_surface(piece).centroid
+            raise FabricationError(
+                f"traces cut a piece of {piece.volume():.0f} mm3 off near {format_point(at)}",
+                code="body-divided",
+                where="the body",
+                action="Move the trace there away from the skin",
+                at=at.tolist(),
+            )
+    return pieces[-1]
 
 
 def _make_part(name: str, solid: Any, up: Float) -> Part:
