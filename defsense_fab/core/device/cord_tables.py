@@ -106,9 +106,10 @@ class CordTable(Table, frozen=True):
         ),
     ] = None
     gauge_factor: Annotated[
-        Positive | None,
+        float | None,
         key(
-            "(R - R0)/R0 divided by the strain: 2 if the resistance doubles at 50 %.",
+            "(R - R0)/R0 divided by the strain: 2 if the resistance doubles at 50 %; negative for"
+            " filaments whose resistance falls.",
             default=_SHEET_DEFAULT,
         ),
     ] = None
@@ -219,6 +220,11 @@ class CordTable(Table, frozen=True):
         if self.response is not None and self.compression is not None:
             text = "the measured response includes it"
             yield Problem(("compression",), text, "keys-exclusive", "Remove it, or 'response'")
+        if self.gauge_factor is not None and not (
+            self.gauge_factor > 0 or (self.is_printed and self.gauge_factor < 0)
+        ):
+            text = "must be more than 0" if not self.is_printed else "must not be 0"
+            yield Problem(("gauge_factor",), text, "out-of-range", "Calibrate it")
         yield from self._check_trace() if self.is_printed else self._check_cord()
 
     def _check_trace(self) -> Iterator[Problem]:

@@ -20,7 +20,7 @@ from . import engraving
 from .records import Check, Part, PartRules, PartSet
 from .wall_checks import check_cord_walls
 
-PAD_DIAMETER_MM, PAD_DEPTH_MM = 5.0, 1.2  # of the contact at each end: an M2 screw or a crimp
+PAD_DIAMETER_MM, PAD_DEPTH_MM = 4.0, 1.2  # of the contact at each end: an M2 screw or a crimp
 _SIDES = 16  # of a trace's upright section
 _SAG_MM = 0.02  # between the trace and its path
 _OUTSIDE_MM = 0.5  # by which solids reach out of the body before they are cut flush

@@ -15,6 +15,7 @@ from ...core.mesh import Surface
 from ...decoding.expected_errors import NONE, UnseenStates, choose_unseen_states
 from ...geometry.channels.wire_channels import Wires
 from ...geometry.kernels.cutting_tools import Prism
+from ...geometry.parts.printed_traces import PAD_DIAMETER_MM
 from ...mechanics.elements.point_location import PointLocator
 from ...sensing.built_cord import CordReading, held_response, taut_response
 from ...store.build import Build
@@ -38,7 +39,8 @@ def layout_limits(device: Device) -> Limits:
     channel, wall = device.channel_diameter, device.fabrication.wall
     if device.cord.trace is not None:
         radius, shortest = device.cord.min_bend_radius, device.cord.min_stretch
-        return Limits(wall, radius, channel + wall, channel, shortest=shortest, is_cut=False)
+        clearance = max(channel, PAD_DIAMETER_MM) + wall  # pads keep apart, too
+        return Limits(wall, radius, clearance, channel, shortest=shortest, is_cut=False)
     pocket = pocket_depth(device, bends=device.fabrication.strain_relief is True)
     prestretch = device.fabrication.prestretch
     # A piece reaches further when stretched; the pre-stretch is assumed unless it is given.

@@ -12,7 +12,7 @@ from ...core.device.build_folder import BUILD_AGAIN
 from ...core.device.device import Device
 from ...core.errors import FabricationError
 from ...geometry.parts.printed_traces import PAD_DEPTH_MM, PAD_DIAMETER_MM
-from ...geometry.printing.conductors import ConductorReport, check_traces
+from ...geometry.printing.conductors import ConductorReport, Finding, check_traces
 from ...geometry.printing.conductor_network import Resistivity
 from ...geometry.printing.gcode import find_shift, read_beads
 from ...geometry.printing.traces import Trace
@@ -80,9 +80,15 @@ def check_gcode(
     )
     report = check_traces(beads, traces, tool, resistivity)
     pads = np.concatenate([t.ends for t in traces])
-    kept = [f for f in report.findings if f.kind != "stray" or not _is_in_pad(f.point, pads)]
+    # A pad is wider than its trace: filament there is neither stray nor a loop.
+    kept = [f for f in report.findings if not (_may_be_pad(f) and _is_in_pad(f.point, pads))]
     report = replace(report, findings=tuple(kept))
     return CheckedPrint(report, tuple(t.resistance for t in manifest.traces), beads.slicer)
+
+
+def _may_be_pad(finding: Finding) -> bool:
+    is_own_contact = finding.kind == "bridge" and len(finding.traces) == 1
+    return finding.kind == "stray" or is_own_contact
 
 
 def _is_in_pad(point: Float, pads: Float) -> bool:

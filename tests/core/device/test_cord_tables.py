@@ -1,8 +1,11 @@
 """Cords described by a data sheet, instead of or in addition to a row of the catalogue."""
 
+import numpy as np
 import pytest
 
 from defsense_fab.core.device.cord_tables import SHEET, CordTable
+from defsense_fab.core.device.filaments import BASES, QUANTITIES, read_filaments
+from defsense_fab.core.device.sensor_tables import SensorTable
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.core.schema.document import parse_document
@@ -54,3 +57,53 @@ def test_a_key_replaces_the_number_of_the_row(tmp_path):
 def test_errors_name_the_key(tmp_path, text, code, key):
     with raises(DeviceError, code, key=key):
         read(text, tmp_path)
+
+
+PRINTED = 'process = "printed"\ntrace = "eel"\n'
+OWN = 'process = "printed"\ntrace = "mine"\nresistivity = 50\ngauge_factor = -3\nmax_strain = 0.2\n'
+
+
+def test_a_printed_trace_by_its_row(tmp_path):
+    cord = read(PRINTED + "width = 1.6\nheight = 1.0\nresistivity = 80", tmp_path)
+    assert cord.trace.area == pytest.approx(1.6)
+    assert cord.ohm_per_mm == pytest.approx(50.0)
+    assert cord.diameter == pytest.approx(np.hypot(1.6, 1.0))
+    assert read(PRINTED, tmp_path).modulus == read_filaments()["eel"]["young_modulus"].value
+    assert read('name = "rubber-2mm"', tmp_path).trace is None
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "key"),
+    [
+        ('process = "printed"', "key-missing", "trace"),
+        ('process = "printed"\ntrace = "eal"', "unknown-filament", "trace"),
+        (OWN, "key-missing", "modulus"),
+        (PRINTED + "width = 0.3", "trace-too-thin", "width"),
+        (PRINTED + "height = 0.1", "trace-too-thin", "height"),
+        (PRINTED + "diameter = 2", "key-not-applicable", "diameter"),
+        ('name = "rubber-2mm"\nwidth = 1.2', "key-not-applicable", "width"),
+        ('process = "sewn"', "value-choice", "process"),
+    ],
+)
+def test_errors_of_traces_name_the_key(tmp_path, text, code, key):
+    with raises(DeviceError, code, key=key):
+        read(text, tmp_path)
+
+
+def test_every_number_of_a_filament_has_a_basis_and_a_source():
+    for name, row in read_filaments().items():
+        assert set(row) == set(QUANTITIES), name
+        assert all(q.basis in BASES and q.source for q in row.values()), name
+
+
+def test_a_drawn_trace_has_points_in_space(tmp_path):
+    text = 'name = "a"\ncontrol_points = [[0, 0, 0], [10, 0, 0], [20, 5, 5], [30, 5, 5]]\n'
+    read_sensor = lambda t: parse_document(t, tmp_path / "device.toml").read(SensorTable)  # noqa: E731
+    sensor = read_sensor(text + 'free = ["path", "ends"]').record()
+    assert sensor.curve.points.shape == (4, 3)
+    for wrong, code in (
+        (text.replace("[10, 0, 0]", "[10, 0]"), "wrong-shape"),
+        (text + 'free = ["plane"]', "key-not-applicable"),
+    ):
+        with raises(DeviceError, code):
+            read_sensor(wrong)

@@ -1,0 +1,135 @@
+"""A bar that is printed in one piece with its traces, from device.toml to its guide."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import trimesh
+
+from defsense_fab.cli.exit_codes import DONE, REFUSED
+from defsense_fab.cli.main import main
+from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.errors import DeviceError
+from defsense_fab.geometry.printing.slicer_settings import slice_with_prusa
+from defsense_fab.store.build import Build
+from tests.support.body_scripts import write_bar
+from tests.support.errors import raises
+from tests.support.places import BAR
+
+pytestmark = pytest.mark.slow
+CORD = """[cord]
+process = "printed"
+trace = "eel"
+
+[fabrication]
+process = "fdm-tpu"
+
+[design]
+sensors = 2
+decoder = "affine"
+searches = 1
+"""
+
+
+def write_device(folder, **changes):
+    write_bar(folder)
+    text = (BAR / "device.toml").read_text(encoding="utf-8")
+    text = text[: text.index("[cord]")] + CORD
+    for old, new in {
+        "edge_length = 8.0": "edge_length = 15.0",
+        "markers = 40": "markers = 8",
+        "ramp = [0.25, 0.5, 0.75, 1.0]": "ramp = [0.5, 1.0]",
+        '"tango-black-plus"': '"ninjaflex-85a"',
+        **changes,
+    }.items():
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "device.toml").write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = write_device(tmp_path_factory.mktemp("printed"))
+    assert main(["build", str(folder)]) == DONE
+    return folder
+
+
+def test_body_and_traces_are_one_object(folder):
+    manifest = Build(folder / "build").manifest
+    assert [p.name for p in manifest.parts] == ["1-whole"]
+    assert [t.name for t in manifest.traces] == ["trace-1", "trace-2"]
+    parts = folder / "build" / "parts"
+    volumes = [trimesh.load_mesh(parts / f"{n}.stl").volume for n in ("1-whole", "trace-1")]
+    assert volumes[0] == pytest.approx(manifest.parts[0].volume, rel=1e-5)
+    assert volumes[1] == pytest.approx(manifest.traces[0].volume, rel=1e-5)
+    total = manifest.parts[0].volume + sum(t.volume for t in manifest.traces)
+    assert total == pytest.approx(150 * 30 * 30, rel=1e-3)
+    for file in ("prusaslicer.3mf", "bambu-orca.3mf", "materials.3mf", "two-extruders.ini"):
+        assert (parts / file).stat().st_size > 0
+
+
+def test_pads_are_on_the_skin(folder):
+    middle, half = np.array([75.0, 0.0, 0.0]), np.array([75.0, 15.0, 15.0])
+    for trace in Build(folder / "build").manifest.traces:
+        outside = np.abs(trace.pads - middle) - half
+        assert outside.max(axis=1) == pytest.approx(np.zeros(2), abs=0.05)
+
+
+def test_the_stiffness_of_the_traces_is_in_the_prediction(folder):
+    """The traces are stiffer than the body, so the stored fields differ."""
+    build = Build(folder / "build")
+    change = np.abs(build.fields.displacements - build.plain_fields.displacements).max()
+    assert 1e-3 < change < 5.0
+
+
+def test_the_guide_has_no_joints_and_cords(folder):
+    guide = json.loads((folder / "build" / "guide.json").read_text(encoding="utf-8"))
+    actions = [a for step in guide["steps"] for a in step["actions"]]
+    assert [a["do"] for a in actions] == [
+        "print",
+        "connect pads",
+        "connect pads",
+        "wire to the board",
+    ]
+    assert [a.get("cord") for a in actions[1:3]] == ["trace-1", "trace-2"]
+    assert actions[1]["ohm"][0]["about"] > 1000
+
+
+def test_a_second_build_has_nothing_to_do(folder):
+    before = (folder / "build" / "layout.json").stat().st_mtime_ns
+    assert main(["build", str(folder)]) == DONE
+    assert (folder / "build" / "layout.json").stat().st_mtime_ns == before
+
+
+def test_sliced_beads_conduct_as_designed(folder, tmp_path, capsys):
+    """The damaged print lacks the extrusion of one layer's trace."""
+    if shutil.which("prusa-slicer") is None:
+        pytest.skip("PrusaSlicer is not installed")
+    parts, gcode = folder / "build" / "parts", tmp_path / "bar.gcode"
+    slice_with_prusa(parts / "prusaslicer.3mf", parts / "two-extruders.ini", gcode)
+    assert main(["traces", str(folder), str(gcode), "--json"]) == DONE
+    checked = json.loads(capsys.readouterr().out)
+    assert checked["findings"] == []
+    for trace in checked["traces"]:
+        assert trace["resistance"] == pytest.approx(trace["expected"], rel=0.35)
+    swapped = gcode.read_text(encoding="utf-8").replace("\nT1", "\nT9").replace("\nT0", "\nT1")
+    gcode.write_text(swapped.replace("\nT9", "\nT0"), encoding="utf-8")
+    assert main(["traces", str(folder), str(gcode)]) == REFUSED
+
+
+def test_a_file_that_is_no_gcode_is_refused(folder):
+    assert main(["traces", str(folder), str(folder / "device.toml")]) == REFUSED
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({'"ninjaflex-85a"': '"ecoflex-00-30"'}, "trace-too-stiff"),
+        ({'"fdm-tpu"': '"polyjet"'}, "printer-without-second-extruder"),
+    ],
+)
+def test_traces_that_cannot_work_are_refused(tmp_path, changes, code):
+    with raises(DeviceError, code):
+        load_device(write_device(tmp_path, **changes))
