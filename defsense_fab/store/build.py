@@ -88,7 +88,7 @@ class Build:
 
     @cached_property
     def fields(self) -> Fields:
-        """Displacements and strains of all states, with printed traces in the body if it has any."""
+        """Displacements and strains of all states, with the printed traces in the body."""
         return load_fields(self.folder, has_traces=True)
 
     @cached_property

@@ -13,8 +13,7 @@ from ..device import DeviceFolder
 from ..output import OutputOptions, console, print_json, print_lines, silent_stdout, standard_output
 
 if TYPE_CHECKING:
-    from ...geometry.printing.conductors import Finding
-    from ...workflow.fabrication.gcode_check import CheckedPrint
+    from ...workflow.fabrication.gcode_check import CheckedPrint, Finding
 
 _NO_OUTPUT = OutputOptions()
 #: What a finding is, and the unit of its size.

@@ -30,6 +30,7 @@ SHORT_EDGES, POINTS = 1 / 6, 2
 MIN_DEPTH = -0.5
 #: Stretch below which the energy is continued quadratically, so that forces stay finite.
 MIN_STRETCH = 0.3
+_OBLIQUE = np.array([0.3, 0.2, 0.1])
 _STEEP_SINE = 1e-3  # between a path and the normal of its layers
 _MIN_LENGTH_MM = 1e-6  # of a part of a line; shorter parts are left out
 _MIN_SHARE = 1e-6  # of a part that must be in a tet
@@ -111,7 +112,7 @@ def _miters(path: Float, normal: Float) -> Float:
     size = np.linalg.norm(side, axis=1)
     is_steep = size < _STEEP_SINE * np.linalg.norm(step, axis=1) * np.linalg.norm(normal)
     # Along the normal, any direction is across; all steep pieces take the same.
-    side[is_steep] = np.cross(step[is_steep], np.roll(normal, 1) + [0.3, 0.2, 0.1])
+    side[is_steep] = np.cross(step[is_steep], np.roll(normal, 1) + _OBLIQUE)
     side /= np.linalg.norm(side, axis=1)[:, None]
     before, after = np.concatenate([side[:1], side]), np.concatenate([side, side[-1:]])
     total = before + after
@@ -127,8 +128,8 @@ class EmbeddedFibers:
     Args:
         mesh: The mesh.
         fibers: The fibers, at least one.
-        points: Number of Gauss points of each part of a line in one tet; by default `POINTS`, or one
-            in short parts.
+        points: Number of Gauss points of each part of a line in one tet; by default `POINTS`, or
+            one in short parts.
 
     Attributes:
         cell: (p,) tet of each point.
@@ -162,7 +163,8 @@ class EmbeddedFibers:
         self.cell: Int = cell[of]
         inverse = mesh.bary_gradient[self.cell]
         corner = mesh.nodes[mesh.cells[self.cell, 3]]
-        self.bary: Float = np.einsum("pbj,pj->pb", inverse, x - corner) + [0, 0, 0, 1]
+        self.bary: Float = np.einsum("pbj,pj->pb", inverse, x - corner)
+        self.bary[:, 3] += 1
         if self.bary.min() < MIN_DEPTH:
             outside = x[self.bary.min(axis=1).argmin()]
             raise SolveError(

@@ -121,8 +121,8 @@ class Loads:
             about: Vectors (p, 3) about which the fibers are linearized; by default those of u.
 
         Returns:
-            Pairs of node numbers (..., k) and blocks (..., 3 k, 3 k) N/mm. Of the pressure, whose tangent is
-            not symmetric, the block holds the symmetric part.
+            Pairs of node numbers (..., k) and blocks (..., 3 k, 3 k) N/mm. Of the pressure, whose
+            tangent is not symmetric, the block holds the symmetric part.
         """
         out: list[tuple[Int, Float]] = []
         for d, nodes, w in zip(

@@ -27,6 +27,7 @@ from ...optimization.prediction.as_built import (
 )
 from ...optimization.prediction.assembly_effects import check_cord_pull, find_overstretched_cords
 from ...optimization.prediction.design_task import load_task
+from ...optimization.prediction.predict import ScoredLayout
 from ...store.build import Build
 from ...store.layout import LayoutRecord, Prediction
 from ...store.manifest import (
@@ -39,7 +40,6 @@ from ...store.manifest import (
     TagSeat,
     save_manifest,
 )
-from ...optimization.prediction.predict import ScoredLayout
 from ..fabrication import casting, printed
 from ..fabrication.printing import (
     LYING,

@@ -12,14 +12,17 @@ from ...core.device.build_folder import BUILD_AGAIN
 from ...core.device.device import Device
 from ...core.errors import FabricationError
 from ...geometry.parts.printed_traces import PAD_DEPTH_MM, PAD_DIAMETER_MM
-from ...geometry.printing.conductors import ConductorReport, Finding, check_traces
 from ...geometry.printing.conductor_network import Resistivity
+from ...geometry.printing.conductors import ConductorReport, check_traces
+from ...geometry.printing.conductors import Finding as Finding
 from ...geometry.printing.gcode import find_shift, read_beads
 from ...geometry.printing.traces import Trace
 from ...store.build import Build
 from .printed import place_on_bed
 
 CONDUCTIVE_TOOL = 1  # the second extruder, counted from 0
+#: Conductive filament in the object, relative to the traces, that only swapped extruders deposit.
+MAX_VOLUME_RATIO = 5.0
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,19 @@ def check_gcode(
     body = build.parts[manifest.parts[0].name]
     low, high = manifest.plates[0].parts["body"]
     beads = read_beads(gcode)
+    designed = sum(t.volume for t in manifest.traces)
+    printed = float(beads.volume[(beads.tool == tool) & beads.is_object].sum())
+    if printed > MAX_VOLUME_RATIO * designed:
+        raise FabricationError(
+            f"extruder T{tool} deposits {printed:.0f} mm3 in the object, and the traces have"
+            f" {designed:.0f} mm3",
+            code="extruders-swapped",
+            where=gcode,
+            action="Give the number of the conductive extruder as --tool, or assign the filaments"
+            " in the slicer",
+            printed=printed,
+            designed=designed,
+        )
     shift = find_shift(beads, low, high)
     traces = [
         Trace(

@@ -173,7 +173,7 @@ def test_filaments_stay_parallel_at_corners():
     ("line", "stiffness", "code"),
     [
         (STRAIGHT, -1.0, "fiber-stiffness-negative"),
-        (STRAIGHT + [0, 20, 0], 1.0, "fiber-outside-body"),
+        (STRAIGHT + np.array([0, 20, 0]), 1.0, "fiber-outside-body"),
     ],
     ids=["soft", "outside"],
 )

@@ -15,6 +15,7 @@ from defsense_fab.geometry.printing.slicer_settings import slice_with_prusa
 from defsense_fab.store.build import Build
 from tests.support.body_scripts import write_bar
 from tests.support.errors import raises
+from tests.support.gcode_edits import remove_extrusion
 from tests.support.places import BAR
 
 pytestmark = pytest.mark.slow
@@ -104,7 +105,7 @@ def test_a_second_build_has_nothing_to_do(folder):
 
 
 def test_sliced_beads_conduct_as_designed(folder, tmp_path, capsys):
-    """The damaged print lacks the extrusion of one layer's trace."""
+    """The damaged print lacks a piece of a trace."""
     if shutil.which("prusa-slicer") is None:
         pytest.skip("PrusaSlicer is not installed")
     parts, gcode = folder / "build" / "parts", tmp_path / "bar.gcode"
@@ -114,9 +115,16 @@ def test_sliced_beads_conduct_as_designed(folder, tmp_path, capsys):
     assert checked["findings"] == []
     for trace in checked["traces"]:
         assert trace["resistance"] == pytest.approx(trace["expected"], rel=0.35)
-    swapped = gcode.read_text(encoding="utf-8").replace("\nT1", "\nT9").replace("\nT0", "\nT1")
-    gcode.write_text(swapped.replace("\nT9", "\nT0"), encoding="utf-8")
-    assert main(["traces", str(folder), str(gcode)]) == REFUSED
+    assert main(["traces", str(folder), str(gcode), "--tool", "0"]) == REFUSED  # swapped
+    line = Build(folder / "build").manifest.traces[0].line
+    x, y, z = line[len(line) // 2] + [35.0, 110.0, 15.0]  # on the bed
+    low, high = (x - 0.8, y - 2, z - 2), (x + 0.8, y + 2, z + 2)
+    text = remove_extrusion(gcode.read_text(encoding="utf-8"), 1, low, high)
+    gcode.write_text(text, encoding="utf-8")
+    assert main(["traces", str(folder), str(gcode), "--json"]) == REFUSED
+    (gap,) = json.loads(capsys.readouterr().out)["findings"]
+    assert (gap["kind"], gap["traces"]) == ("gap", ["trace-1"])
+    assert gap["at"] == pytest.approx([x, y, z], abs=1.5)
 
 
 def test_a_file_that_is_no_gcode_is_refused(folder):
