@@ -329,7 +329,7 @@ def _start_layouts(
 
 
 def _lift(layout: Layout, rng: np.random.Generator) -> list[Layout]:
-    """Return copies of a layout with paths in space, some moved, as symmetry gives saddle points."""
+    """Return copies of a layout in space, some moved, as symmetry gives saddle points."""
     lifted = tuple(s.in_space() for s in layout)
     return [lifted, *(jitter(lifted, rng, tied=False) for _ in range(_MOVED_LIFTS))]
 
