@@ -1,10 +1,11 @@
-"""Compare bodies with embedded traces against FElupe, which resolves the trace as a second material.
+"""Compare embedded traces with FElupe, where the trace is a second material.
 
     PEER_PYTHON=peers/bin/python python -m benchmarks.printed_traces [accuracy] [time]
 
-A coupon of 40 x 10 x 6 mm (nu 0.45, 12 MPa) with one trace of 1.2 x 0.8 mm, 2 mm above its middle: a
-straight one from x = 3 to 37 mm, or a U with legs at y = -3 and 3 mm. One end is fixed. The other is
-bent and twisted by 30 degrees, free to move, or pulled by 10 % along the axis. The signal is the
+A coupon of 40 x 10 x 6 mm (nu 0.45, 12 MPa) with one trace of 1.2 x 0.8 mm, 2 mm above its middle:
+a straight one from x = 3 to 37 mm, a U with legs at y = -3 and 3 mm from x = 3 mm, or one from
+x = 0 (`held-U`, the usual case: a trace starts in the region that is held). One end is fixed. The
+other is bent and twisted by 30 degrees, free to move, or pulled by 10 % along the axis. The signal is the
 relative elongation of the trace's center line, the shape the displacement of the surface.
 """
 
@@ -17,17 +18,23 @@ import sys
 import tempfile
 import time
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.mesh import TetMesh
-from defsense_fab.mechanics.elements.material import neo_hookean
+from defsense_fab.mechanics.elements.material import Material, neo_hookean
 from defsense_fab.mechanics.elements.point_location import PointLocator
-from defsense_fab.mechanics.elements.tet10 import QuadraticMesh, boundary_faces
+from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.mechanics.loading.boundary_conditions import BoundaryConditions, RigidHandle
 from defsense_fab.mechanics.loading.fibers import Fibers
+from defsense_fab.mechanics.solver.batch import solve_all
 from defsense_fab.mechanics.solver.load_stepping import solve_ramp
+from defsense_fab.store.mesh import load_mesh
+from defsense_fab.workflow.build.build import build
+from defsense_fab.workflow.build.load_cases import list_loadings, prepare_jobs
 from tests.support.grid import grid_of_tets
 
 SIZE, TRACE, HEIGHT = np.array([40.0, 10.0, 6.0]), (1.2, 0.8), 2.0  # mm
@@ -42,6 +49,7 @@ LOADS = {
 PATHS = {
     "straight": np.array([[3.0, 0, HEIGHT], [37, 0, HEIGHT]]),
     "U": np.array([[3.0, -3, HEIGHT], [34, -3, HEIGHT], [34, 3, HEIGHT], [3, 3, HEIGHT]]),
+    "held-U": np.array([[0.0, -3, HEIGHT], [34, -3, HEIGHT], [34, 3, HEIGHT], [0, 3, HEIGHT]]),
 }
 NORMAL = np.array([0.0, 0, 1])
 #: Embedded fibers by name: numbers of filaments over width and height, and the linear law or not.
@@ -51,6 +59,8 @@ KINDS = {
     "1": (1, 1, False),
     "2x2": (2, 2, False),
     "3x3": (3, 3, False),
+    "1 shear": (1, 1, False, NU),
+    "2x2 shear": (2, 2, False, NU),
 }
 EDGES = np.array(
     [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]]
@@ -59,13 +69,17 @@ EDGES = np.array(
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("parts", nargs="*", default=["accuracy"], help="accuracy, convergence")
+    parser.add_argument(
+        "parts", nargs="*", default=["accuracy"], help="accuracy, convergence, time"
+    )
     parser.add_argument("--moduli", type=float, nargs="+", default=[20.0, 100.0, 300.0])
     parser.add_argument("--edges", type=float, nargs="+", default=[3.0, 1.5], help="of tets, mm")
     parser.add_argument("--step", type=float, default=1.0, help="length of the peer's cells, mm")
-    parser.add_argument("--paths", nargs="+", default=list(PATHS))
+    parser.add_argument("--paths", nargs="*", default=list(PATHS))
     parser.add_argument("--keep", type=Path, help="folder that keeps the peer's results")
     options = parser.parse_args()
+    if "time" in options.parts:
+        show_times()
     with tempfile.TemporaryDirectory() as folder:
         keep = options.keep or Path(folder)
         keep.mkdir(exist_ok=True)
@@ -78,9 +92,41 @@ def main() -> int:
     return 0
 
 
+def show_times() -> None:
+    """Print the time of all states of the bar without and with three U-shaped traces."""
+    device = load_device(Path("fixtures/devices/bar"))
+    mesh = QuadraticMesh.from_linear(load_mesh(build(device, "mesh").folder))
+    _, jobs, _ = prepare_jobs(device, mesh, list_loadings(device))
+    body = device.simulated_material.young_modulus
+    traces = []
+    for y in (-8.0, 0, 8):
+        path = refine(np.array([[2.0, y, 5], [145, y, 5], [145, y + 3, 5], [2, y + 3, 5]]), 1.0)
+        traces.append(path)
+    kinds = (None, (1, 1, None), (2, 2, None), (2, 2, NU))
+    for kind in kinds * 2:
+        fibers = None
+        if kind:
+            parts = [
+                Fibers.of_trace(p, TRACE, NORMAL, (300, YOUNG), body, kind[:2], kind[2])
+                for p in traces
+            ]
+            fibers = parts[0] + parts[1] + parts[2]
+        changed = [replace(job, conditions=replace(job.conditions, fibers=fibers)) for job in jobs]
+        begun = time.perf_counter()
+        results = solve_all(mesh, Material.from_spec(device.simulated_material), changed, threads=1)
+        seconds = time.perf_counter() - begun
+        factors = sum(e.statistics.factors for r in results for e in r)
+        bad = [e.status for r in results for e in r if e.status != "ok"]
+        print(
+            f"bar, {len(mesh.cells)} tets, {len(jobs)} jobs, fibers {kind}: {seconds:.2f} s,"
+            f" {factors} factorizations, not ok: {bad}",
+            flush=True,
+        )
+
+
 def show_convergence(name: str, young: float, step: float, folder: Path) -> None:
     """Print the peer's signals on two meshes."""
-    for length, across in ((2 * step, 1), (step, 2), (step / 2, 3)):
+    for length, across in ((2 * step, 1), (step, 2), (0.7 * step, 3)):
         nodes, _, signals, seconds = solve_peer(name, young, length, across, folder)
         text = "  ".join(f"{k} {100 * s:.4f} %" for k, s in zip(LOADS, signals, strict=True))
         print(f"{name} {young:g} MPa peer {len(nodes)} nodes: {text}  {seconds.sum():.0f} s")
@@ -105,7 +151,13 @@ def compare(name: str, young: float, step: float, edges: list[float], folder: Pa
             fibers = None
             if setting:
                 fibers = Fibers.of_trace(
-                    PATHS[name], TRACE, NORMAL, (young, YOUNG), None, setting[:2]
+                    PATHS[name],
+                    TRACE,
+                    NORMAL,
+                    (young, YOUNG),
+                    None,
+                    setting[:2],
+                    (*setting, None)[3],
                 )
                 fibers = replace(fibers, is_linear=setting[2])
             ours, shapes, begun = [], [], time.perf_counter()
@@ -156,7 +208,7 @@ def solve(mesh, rotation, translation, fibers=None):
 def refine(path: np.ndarray, step: float) -> np.ndarray:
     """Return points of a polyline at most `step` mm apart, its corners included."""
     out = [path[:1]]
-    for a, b in zip(path[:-1], path[1:], strict=True):
+    for a, b in pairwise(path):
         count = int(np.ceil(np.linalg.norm(b - a) / step - 1e-9))
         out.append(a + np.linspace(0, 1, count + 1)[1:, None] * (b - a))
     return np.concatenate(out)
@@ -164,9 +216,7 @@ def refine(path: np.ndarray, step: float) -> np.ndarray:
 
 def elongation(path: np.ndarray, u: np.ndarray) -> float:
     """Return the relative elongation of a path whose points move by u."""
-    length, before = (
-        np.linalg.norm(np.diff(x, axis=0), axis=1).sum() for x in (path + u, path)
-    )
+    length, before = (np.linalg.norm(np.diff(x, axis=0), axis=1).sum() for x in (path + u, path))
     return float(length / before - 1)
 
 
@@ -204,7 +254,7 @@ def solve_peer(name: str, young: float, step: float, across: int, folder: Path):
         u, seconds = f["u"], f["seconds"]
     path = refine(PATHS[name], 0.01)
     order = []
-    for a, b in zip(PATHS[name][:-1], PATHS[name][1:], strict=True):
+    for a, b in pairwise(PATHS[name]):
         t = (nodes - a) @ (b - a) / np.linalg.norm(b - a) ** 2
         on = np.linalg.norm(nodes - a - t[:, None] * (b - a), axis=1) < 1e-6
         on &= (t > -1e-9) & (t < 1 + 1e-9)
@@ -218,12 +268,15 @@ def resolve(name: str, step: float, across: int) -> tuple[np.ndarray, np.ndarray
     """Return nodes, quadratic hexahedra (m, 20), and which of them are in the trace (m,)."""
     path, half = PATHS[name], np.array([TRACE[0], TRACE[0], TRACE[1]]) / 2
     boxes = [
-        (np.minimum(a, b) - half * [len(path) > 2, 1, 1], np.maximum(a, b) + half * [len(path) > 2, 1, 1])
-        for a, b in zip(path[:-1], path[1:], strict=True)
+        (
+            np.minimum(a, b) - half * [len(path) > 2, 1, 1],
+            np.maximum(a, b) + half * [len(path) > 2, 1, 1],
+        )
+        for a, b in pairwise(path)
     ]
     # The trace ends at the path's ends; corners are square.
     boxes = [
-        (np.maximum(low, [3.0, -9, -9]), high) if len(path) > 2 else (low, high)
+        (np.maximum(low, [path[:, 0].min(), -9, -9]), high) if len(path) > 2 else (low, high)
         for low, high in boxes
     ]
     low = np.array([0, -SIZE[1] / 2, -SIZE[2] / 2])
@@ -235,7 +288,7 @@ def resolve(name: str, step: float, across: int) -> tuple[np.ndarray, np.ndarray
         marks = sorted(round(m, 9) for m in marks)
         fine = [(a[k], b[k]) for a, b in boxes if b[k] - a[k] < 2]
         grid = [marks[0]]
-        for a, b in zip(marks[:-1], marks[1:], strict=True):
+        for a, b in pairwise(marks):
             if b - a < 1e-6:
                 continue
             narrow = any(c - 1e-6 <= a and b <= d + 1e-6 for c, d in fine)
@@ -245,7 +298,16 @@ def resolve(name: str, step: float, across: int) -> tuple[np.ndarray, np.ndarray
     counts = [len(a) for a in axes]
     corner = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     index = np.arange(len(corner)).reshape(counts)
-    offsets = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    offsets = [
+        (0, 0, 0),
+        (1, 0, 0),
+        (1, 1, 0),
+        (0, 1, 0),
+        (0, 0, 1),
+        (1, 0, 1),
+        (1, 1, 1),
+        (0, 1, 1),
+    ]
     cells = np.stack(
         [
             index[i : counts[0] - 1 + i, j : counts[1] - 1 + j, k : counts[2] - 1 + k].ravel()

@@ -2,10 +2,10 @@
 
     python -m benchmarks.peers.felupe_trace problem.npz result.npz
 
-The problem contains nodes (n, 3) mm, cells (m, 20) of quadratic hexahedra, is_trace (m,) bool, moduli
-(E_body, E_trace) MPa, nu, fixed and moved (node indices), and for each of k loads the rotation vector
-(k, 3) rad and the translation (k, 3) mm of the moved nodes about `center`, NaN where free. The result
-contains u (k, n, 3) mm, seconds (k,) and iterations (k,).
+The problem contains nodes (n, 3) mm, cells (m, 20) of quadratic hexahedra, is_trace (m,) bool,
+moduli (E_body, E_trace) MPa, nu, fixed and moved (node indices), and for each of k loads the
+rotation vector (k, 3) rad and the translation (k, 3) mm of the moved nodes about `center`, NaN
+where free. The result contains u (k, n, 3) mm, seconds (k,) and iterations (k,).
 """
 
 from __future__ import annotations
@@ -30,9 +30,7 @@ def main() -> int:
         problem = {k: f[k] for k in f.files}
     solved = [
         _solve(problem, rotation, translation)
-        for rotation, translation in zip(
-            problem["rotations"], problem["translations"], strict=True
-        )
+        for rotation, translation in zip(problem["rotations"], problem["translations"], strict=True)
     ]
     u, seconds, iterations = (np.array(x) for x in zip(*solved, strict=True))
     np.savez(sys.argv[2], u=u, seconds=seconds, iterations=iterations)
@@ -60,7 +58,9 @@ def _solve(
     free = np.flatnonzero(~held.ravel())
     axes = np.flatnonzero(np.isnan(translation))
     rows = [free] + [3 * moved + a for a in axes]
-    columns = [np.arange(len(free))] + [np.full(len(moved), len(free) + i) for i in range(len(axes))]
+    columns = [np.arange(len(free))] + [
+        np.full(len(moved), len(free) + i) for i in range(len(axes))
+    ]
     row, column = np.concatenate(rows), np.concatenate(columns)
     transfer = sp.csr_matrix(
         (np.ones(len(row)), (row, column)), shape=(3 * count, len(free) + len(axes))
