@@ -2,11 +2,12 @@
 
     PEER_PYTHON=peers/bin/python python -m benchmarks.printed_traces [accuracy] [time]
 
-A coupon of 40 x 10 x 6 mm (nu 0.45, 12 MPa) with one trace of 1.2 x 0.8 mm, 2 mm above its middle:
-a straight one from x = 3 to 37 mm, a U with legs at y = -3 and 3 mm from x = 3 mm, or one from
+A coupon of 40 x 10 x 6 mm (nu 0.45, 12 MPa) has one trace of 1.2 x 0.8 mm, 2 mm above its middle:
+a straight one from x = 3 to 37 mm, a U with legs at y = -3 and 3 mm from x = 3 mm, or a U from
 x = 0 (`held-U`, the usual case: a trace starts in the region that is held). One end is fixed. The
-other is bent and twisted by 30 degrees, free to move, or pulled by 10 % along the axis. The signal is the
-relative elongation of the trace's center line, the shape the displacement of the surface.
+other is bent and twisted by 30 degrees, free to move, or pulled by 10 % along the axis. The signal
+is the relative elongation of the trace's center line, the shape the displacement of the surface.
+The times are CPU seconds of the bar of `fixtures/devices`.
 """
 
 from __future__ import annotations
@@ -112,9 +113,9 @@ def show_times() -> None:
             ]
             fibers = parts[0] + parts[1] + parts[2]
         changed = [replace(job, conditions=replace(job.conditions, fibers=fibers)) for job in jobs]
-        begun = time.perf_counter()
+        begun = time.process_time()
         results = solve_all(mesh, Material.from_spec(device.simulated_material), changed, threads=1)
-        seconds = time.perf_counter() - begun
+        seconds = time.process_time() - begun
         factors = sum(e.statistics.factors for r in results for e in r)
         bad = [e.status for r in results for e in r if e.status != "ok"]
         print(
