@@ -13,6 +13,9 @@ g_i = (F t) . (F n_i) is GA_i g_i^2 / 2, for the axes n_i of the cross-section. 
 less than the body around it, which a mesh coarser than the trace does not resolve. GA_i is
 therefore the stiffness of an elliptic inclusion, which is bounded, not G_trace A.
 
+The model leaves out that a sharp corner of a stiff trace resists bending and shear fully. Meshes
+coarser than the trace do not resolve its ends (`benchmarks/printed_traces.py`).
+
 References:
     Elwi & Hrudey 1989, "Finite element model for curved embedded reinforcement".
     Eshelby 1957, "The determination of the elastic field of an ellipsoidal inclusion".
