@@ -1,15 +1,24 @@
 """Embed stiff lines, such as printed traces, in the finite elements of a softer body.
 
-A fiber resists its elongation only. Its energy is a sum over points of the line of EA w(s) ds, with
-the stretch s = |F t| of the unit tangent t by the deformation gradient F of the surrounding tet.
-A point involves the nodes of one tet, so the matrix keeps its sparsity.
+A fiber resists its elongation: its energy is a sum over points of the line of EA w(s) ds, with the
+stretch s = |F t| of the unit tangent t by the deformation gradient F of the surrounding tet. A
+point involves the nodes of one tet, so the matrix keeps its sparsity.
 
 A single fiber has no bending stiffness and, on a fine mesh, cuts into the body like a wire.
 `Fibers.of_trace` therefore distributes the stiffness over filaments at the Gauss points of the
 cross-section. Two by two filaments have its exact second moments of area.
 
+A trace also resists that its cross-section shears along it: the energy of the shears
+g_i = (F t) . (F n_i) is GA_i g_i^2 / 2, for the axes n_i of the cross-section. A stiff trace shears
+less than the body around it, which a mesh coarser than the trace does not resolve. GA_i is
+therefore the stiffness of an elliptic inclusion, which is bounded, not G_trace A.
+
+The model leaves out that a sharp corner of a stiff trace resists bending and shear fully. Meshes
+coarser than the trace do not resolve its ends (`benchmarks/printed_traces.py`).
+
 References:
     Elwi & Hrudey 1989, "Finite element model for curved embedded reinforcement".
+    Eshelby 1957, "The determination of the elastic field of an ellipsoidal inclusion".
 """
 
 from __future__ import annotations
@@ -33,6 +42,7 @@ MIN_STRETCH = 0.3
 _OBLIQUE = np.array([0.3, 0.2, 0.1])
 _STEEP_SINE = 1e-3  # between a path and the normal of its layers
 _MIN_LENGTH_MM = 1e-6  # of a part of a line; shorter parts are left out
+_LAST = np.array([0.0, 0, 0, 1])  # barycentric coordinates of the last corner
 _MIN_SHARE = 1e-6  # of a part that must be in a tet
 _MAX_SPLITS = 60  # rounds, each of which takes one tet from each part
 
@@ -50,11 +60,16 @@ class Fibers:
         is_linear: Whether the force is EA (s - 1). By default it is EA (s - 1/s^2) / 3, that of an
             incompressible neo-Hookean bar, so that body and fiber together behave like a
             neo-Hookean trace of the larger modulus.
+        shear: (k, 2) N, shear stiffness GA of each line across and along its normal, scaled like
+            `stiffness`; None for no stiffness.
+        normals: (k, 3) unit normals of the lines' planes, required with `shear`.
     """
 
     lines: tuple[Float, ...]
     stiffness: Float
     is_linear: bool = False
+    shear: Float | None = None
+    normals: Float | None = None
 
     @classmethod
     def of_trace(
@@ -65,6 +80,7 @@ class Fibers:
         moduli: tuple[float, float],
         simulated: float | None = None,
         counts: tuple[int, int] = (2, 2),
+        poisson: float | None = 0.45,
     ) -> Fibers:
         """Create the filaments of one trace of rectangular cross-section.
 
@@ -75,34 +91,50 @@ class Fibers:
             moduli: Young's moduli of the trace and of the body, MPa.
             simulated: Young's modulus that the body is solved with, MPa; by default its modulus.
             counts: Number of filaments over the width and the height; (1, 1) is a single fiber.
-
-        Raises:
-            SolveError: If the trace is softer than the body.
+            poisson: Poisson's ratio of both materials, None for traces without shear stiffness.
         """
         trace, body = moduli
-        axial = (
-            (trace - body) * size[0] * size[1] * (1.0 if simulated is None else simulated / body)
-        )
+        area = size[0] * size[1] * (1.0 if simulated is None else simulated / body)
+        axial = (trace - body) * area
         (a, wa), (b, wb) = (np.polynomial.legendre.leggauss(count) for count in counts)
         across = _miters(path, normal)
         up = normal / np.linalg.norm(normal)
         lines = tuple(
             path + 0.5 * size[0] * x * across + 0.5 * size[1] * y * up for x in a for y in b
         )
-        return cls(lines, axial * np.outer(wa, wb).ravel() / 4)
+        share = np.outer(wa, wb).ravel() / 4
+        if poisson is None:
+            return cls(lines, axial * share)
+        # Depolarization factors of an ellipse, for shears along its width and its height.
+        factor = np.array([size[1], size[0]]) / (size[0] + size[1])
+        shear = axial / (2 * (1 + poisson)) / (1 + factor * (trace / body - 1))
+        return cls(
+            lines, axial * share, False, np.outer(share, shear), np.tile(up, (len(lines), 1))
+        )
 
     def __add__(self, other: Fibers) -> Fibers:
         """Return the fibers of both, which must have the same law."""
-        if self.is_linear != other.is_linear:
+        if (self.is_linear, self.shear is None) != (other.is_linear, other.shear is None):
             raise ValueError("fibers of two laws cannot be joined")
-        stiffness = np.concatenate([self.stiffness, other.stiffness])
-        return Fibers(self.lines + other.lines, stiffness, self.is_linear)
+
+        def join(a: Float | None, b: Float | None) -> Float | None:
+            return None if a is None or b is None else np.concatenate([a, b])
+
+        return Fibers(
+            self.lines + other.lines,
+            np.concatenate([self.stiffness, other.stiffness]),
+            self.is_linear,
+            join(self.shear, other.shear),
+            join(self.normals, other.normals),
+        )
 
     @property
     def structure(self) -> tuple[object, ...]:
         """Key that is equal for equal fibers."""
         lines = tuple(line.tobytes() for line in self.lines)
-        return (lines, self.stiffness.tobytes(), self.is_linear)
+        shear = None if self.shear is None else self.shear.tobytes()
+        normals = None if self.normals is None else self.normals.tobytes()
+        return (lines, self.stiffness.tobytes(), self.is_linear, shear, normals)
 
 
 def _miters(path: Float, normal: Float) -> Float:
@@ -122,8 +154,8 @@ def _miters(path: Float, normal: Float) -> Float:
 class EmbeddedFibers:
     """Fibers at the points of a mesh at which their energy is evaluated.
 
-    Functions take the vectors F t (p, 3) of the points, as `vectors` returns them, so that forces
-    can also be linearized about vectors that belong to no displacement field.
+    Functions take the vectors (p, 3, d) of the points: F t and, where there is shear stiffness,
+    also F n_1 and F n_2. Forces can be linearized about vectors of no displacement field.
 
     Args:
         mesh: The mesh.
@@ -163,8 +195,7 @@ class EmbeddedFibers:
         self.cell: Int = cell[of]
         inverse = mesh.bary_gradient[self.cell]
         corner = mesh.nodes[mesh.cells[self.cell, 3]]
-        self.bary: Float = np.einsum("pbj,pj->pb", inverse, x - corner)
-        self.bary[:, 3] += 1
+        self.bary: Float = np.einsum("pbj,pj->pb", inverse, x - corner) + _LAST
         if self.bary.min() < MIN_DEPTH:
             outside = x[self.bary.min(axis=1).argmin()]
             raise SolveError(
@@ -179,24 +210,34 @@ class EmbeddedFibers:
         self.nodes: Int = mesh.cells[cells]
         self._count = len(mesh.nodes)
         self._is_linear = fibers.is_linear
-        self._tangents = ((end - start) / length[:, None])[of]
-        self._weight: Float = (stiffness * length)[of] * weight
-        along = np.einsum("pbj,pj->pb", mesh.bary_gradient[self.cell], self._tangents)
-        self._slope: Float = np.einsum("pnb,pb->pn", shape_derivatives(self.bary), along)
+        axes = ((end - start) / length[:, None])[:, :, None]
+        self._axial: Float = (stiffness * length)[of] * weight
+        self._shear: Float = np.zeros((len(of), 0))
+        if fibers.shear is not None and fibers.normals is not None:
+            line = np.repeat(range(len(parts)), [len(part[0]) for part in parts])[order]
+            up, along = fibers.normals[line], axes[:, :, 0]
+            side = np.cross(up, along)
+            side /= np.linalg.norm(side, axis=1)[:, None]
+            axes = np.stack([along, side, np.cross(along, side)], axis=2)
+            self._shear = (fibers.shear[line] * length[:, None])[of] * weight[:, None]
+        self._axes: Float = axes[of]
+        along = np.einsum("pbj,pjd->pbd", inverse, self._axes)
+        self._slope: Float = np.einsum("pnb,pbd->pnd", shape_derivatives(self.bary), along)
 
     def vectors(self, u: Float) -> Float:
-        """Return F t (p, 3) at the points for displacements u (n, 3) mm."""
+        """Return the vectors (p, 3, d) at the points for displacements u (n, 3) mm."""
         moved = u[self.nodes][self._of_point]
-        return np.asarray(self._tangents + np.einsum("pn,pna->pa", self._slope, moved))
+        return np.asarray(self._axes + moved.transpose(0, 2, 1) @ self._slope)
 
     def energy(self, vectors: Float) -> float:
         """Return the energy of the fibers, N mm."""
-        return float(self._weight @ self._law(np.linalg.norm(vectors, axis=1))[0])
+        stretch = np.linalg.norm(vectors[:, :, 0], axis=1)
+        axial = self._axial @ self._law(stretch)[0]
+        return float(axial + 0.5 * (self._shear * _shears(vectors) ** 2).sum())
 
     def forces(self, vectors: Float) -> Float:
         """Return the internal nodal forces (n, 3) N, the gradient of the energy."""
-        stretch, unit = _split(vectors)
-        return self._scatter(self._law(stretch)[1][:, None] * unit)
+        return self.linearized_forces(vectors, vectors)
 
     def linearized_forces(self, about: Float, vectors: Float) -> Float:
         """Return the internal nodal forces (n, 3) N of the energy linearized about other vectors.
@@ -204,35 +245,64 @@ class EmbeddedFibers:
         The tangent is positive semidefinite, like the matrix that the forces are used with.
 
         Args:
-            about: Vectors F t (p, 3) of the linearization.
-            vectors: Vectors F t (p, 3) of the state.
+            about: Vectors (p, 3, d) of the linearization.
+            vectors: Vectors (p, 3, d) of the state.
         """
-        stretch, unit = _split(about)
+        stretch, unit = _split(about[:, :, 0])
         axial, lateral = self._stiffness(stretch, 1.0)
         step = vectors - about
-        along = (step * unit).sum(axis=1)
+        along = (step[:, :, 0] * unit).sum(axis=1)
         tension = self._law(stretch)[1] + (axial - lateral) * along
-        return self._scatter(tension[:, None] * unit + lateral[:, None] * step)
+        pull = np.zeros_like(about)
+        pull[:, :, 0] = tension[:, None] * unit + lateral[:, None] * step[:, :, 0]
+        pull[:, :, 0] *= self._axial[:, None]
+        if self._shear.size:
+            t, n = about[:, :, :1], about[:, :, 1:]
+            change = (step[:, :, :1] * n + t * step[:, :, 1:]).sum(axis=1)
+            force = (self._shear * (_shears(about) + change))[:, None]
+            pull[:, :, 0] += (force * n).sum(axis=2)
+            pull[:, :, 1:] = force * t
+        local = self._slope @ pull.transpose(0, 2, 1)
+        out = np.zeros((self._count, 3))
+        np.add.at(out, self.nodes, np.add.reduceat(local, self._first, axis=0))
+        return out
 
     def tangents(self, vectors: Float, share: float = 0.0) -> Float:
         """Return the tangents (c, 30, 30) N/mm of the tets `nodes`; row 3 * node + axis.
 
         Args:
-            vectors: Vectors F t (p, 3).
-            share: Share (0 to 1) of the negative part that is removed at each point; a compressed
-                fiber has one across its direction.
+            vectors: Vectors (p, 3, d).
+            share: Share (0 to 1) of the negative part that is removed at each point: that of
+                compressed fibers across their direction, and the whole geometric part of shears.
         """
-        stretch, unit = _split(vectors)
-        axial, lateral = (self._weight * k for k in self._stiffness(stretch, share))
-        local = (axial - lateral)[:, None, None] * unit[:, :, None] * unit[:, None]
-        local += lateral[:, None, None] * np.eye(3)
-        out = np.empty((len(self.nodes), 10, 3, 10, 3))
-        pairs = self._slope[:, :, None] * self._slope[:, None]
-        for a in range(3):
-            for b in range(a, 3):
-                block = np.add.reduceat(pairs * local[:, a, b, None, None], self._first, axis=0)
-                out[:, :, a, :, b] = out[:, :, b, :, a] = block
-        return out.reshape(-1, 30, 30)
+        stretch, unit = _split(vectors[:, :, 0])
+        axial, lateral = (self._axial * k for k in self._stiffness(stretch, share))
+        along = self._slope[:, :, 0]
+        # Rows of a product J^T D J, and the parts that act alike on all three axes.
+        rows = [along[:, :, None] * unit[:, None]]
+        weights = [axial - lateral]
+        left, right = [along], [lateral[:, None] * along]
+        t, gamma = vectors[:, :, 0], _shears(vectors)
+        for i, stiffness in enumerate(self._shear.T):
+            across = self._slope[:, :, i + 1]
+            rows.append(
+                along[:, :, None] * vectors[:, None, :, i + 1] + across[:, :, None] * t[:, None]
+            )
+            weights.append(stiffness)
+            both = ((1 - share) * stiffness * gamma[:, i])[:, None]
+            left += [along, across]
+            right += [both * across, both * along]
+        j, d = np.stack([r.reshape(-1, 30) for r in rows], 1), np.stack(weights, 1)
+        a, b = np.stack(left, 1), np.stack(right, 1)
+        out = np.empty((len(self.nodes), 30, 30))
+        ends = [*self._first[1:], len(j)]
+        for c, (first, last) in enumerate(zip(self._first, ends, strict=True)):
+            part, scale = j[first:last].reshape(-1, 30), d[first:last].ravel()
+            out[c] = part.T @ (scale[:, None] * part)
+            alike = a[first:last].reshape(-1, 10).T @ b[first:last].reshape(-1, 10)
+            for k in range(3):
+                out[c, k::3, k::3] += alike
+        return out
 
     def _stiffness(self, stretch: Float, share: float) -> tuple[Float, Float]:
         """Return second derivatives of w along and across the fiber."""
@@ -250,12 +320,10 @@ class EmbeddedFibers:
         value = value + first * below + 0.5 * second * below**2
         return value, first + second * below, second
 
-    def _scatter(self, pull: Float) -> Float:
-        """Return the nodal forces (n, 3) of derivatives (p, 3) of w by the vectors."""
-        local = self._slope[:, :, None] * (self._weight[:, None] * pull)[:, None]
-        out = np.zeros((self._count, 3))
-        np.add.at(out, self.nodes, np.add.reduceat(local, self._first, axis=0))
-        return out
+
+def _shears(vectors: Float) -> Float:
+    """Return the scalar products (p, d - 1) of the first vector with the others."""
+    return np.asarray((vectors[:, :, :1] * vectors[:, :, 1:]).sum(axis=1))
 
 
 def _split(vectors: Float) -> tuple[Float, Float]:

@@ -90,7 +90,7 @@ class Loads:
             conditions: Amounts of the loads.
             u: Displacements (n, 3) mm.
             pressure: Nodal forces (n, 3) N of the pressures, which are included.
-            about: Vectors (p, 3) about which the fibers are linearized; by default they are not.
+            about: Vectors (p, 3, d) about which the fibers are linearized; by default they are not.
         """
         out = self._unit * conditions.gravity + pressure
         if conditions.drags:
@@ -118,7 +118,7 @@ class Loads:
             conditions: Amounts of the loads.
             u: Displacements (n, 3) mm.
             share: Share (0 to 1) of the negative part of the fibers' tangent that is removed.
-            about: Vectors (p, 3) about which the fibers are linearized; by default those of u.
+            about: Vectors (p, 3, d) about which the fibers are linearized; by default those of u.
 
         Returns:
             Pairs of node numbers (..., k) and blocks (..., 3 k, 3 k) N/mm. Of the pressure, whose

@@ -267,13 +267,13 @@ class System:
         return Attempt(now.state, solves, factors, now.residual, now.energy, stable, now.state)
 
     def _rotate_fibers(self, state: State, placed: State) -> Float | None:
-        """Return the fibers' vectors (p, 3) at a state, turned by the handles' rotations."""
+        """Return the fibers' vectors (p, 3, d) at a state, turned by the handles' rotations."""
         fibers = self.loads.fibers
         if fibers is None:
             return None
         corners = self.loads.mesh.cells[fibers.cell, :4]
         turns = self.handle_rotation.rotations(state, placed, corners, fibers.bary)
-        return np.asarray(np.einsum("pab,pb->pa", turns, fibers.vectors(state.u)))
+        return np.asarray(turns @ fibers.vectors(state.u))
 
     def _solve_patch(self, now: _Iterate, stop: Callable[[], bool] | None) -> State | None:
         """Return the state with its stuck patch, if any, in equilibrium while the rest is held."""

@@ -65,7 +65,10 @@ def make_fibers(device: Device, channels: tuple[Channel, ...]) -> Fibers:
     simulated = device.simulated_material.young_modulus
     up = np.array(device.fabrication.up)
     size = (spec.width, spec.height)
-    each = [Fibers.of_trace(c.sensing, size, up, moduli, simulated) for c in channels]
+    poisson = device.material.poisson_ratio
+    each = [
+        Fibers.of_trace(c.sensing, size, up, moduli, simulated, poisson=poisson) for c in channels
+    ]
     return reduce(add, each)
 
 

@@ -141,8 +141,8 @@ def printing_advice(device: Device) -> list[str]:
     return [
         f"Open {PRUSA_3MF} in PrusaSlicer or SuperSlicer, {BAMBU_3MF} in Bambu Studio or"
         f" OrcaSlicer, and {MATERIAL_3MF} in others. Extruder 1 prints the body in"
-        f" {device.material.name}, extruder 2 the traces in {spec.filament}. Only PrusaSlicer 2.5 was used to check these"
-        " files.",
+        f" {device.material.name}, extruder 2 the traces in {spec.filament}. Only PrusaSlicer 2.5"
+        " was used to check these files.",
         f"Keep the orientation of the file. Use layers of {f.layer:g} mm and 100 % infill in the"
         f" body, and {lines} wall lines without infill in the traces: beads along a trace conduct"
         f" about {spec.across:g} times better than across it.",

@@ -27,9 +27,14 @@ def block():
     return QuadraticMesh.from_linear(grid_of_tets(axes))
 
 
-@pytest.fixture(params=[False, True], ids=["neo-hookean", "linear"])
+@pytest.fixture(params=["neo-hookean", "linear", "shear"])
 def embedded(block, request):
-    return EmbeddedFibers(block, Fibers((WAVE, STRAIGHT), np.array([3.0, 5.0]), request.param))
+    lines, stiffness = (WAVE, STRAIGHT), np.array([3.0, 5.0])
+    fibers = Fibers(lines, stiffness, request.param == "linear")
+    if request.param == "shear":
+        normals = np.array([[0, 0, 1.0], [0, 0.6, 0.8]])
+        fibers = replace(fibers, shear=np.array([[2.0, 1], [3, 4]]), normals=normals)
+    return EmbeddedFibers(block, fibers)
 
 
 @pytest.fixture
@@ -71,7 +76,7 @@ def test_tangent_is_the_gradient_of_the_forces(block, embedded, field):
 
 def test_projected_tangent_is_positive_semidefinite(embedded, field):
     vectors = embedded.vectors(field)
-    assert (np.linalg.norm(vectors, axis=1) < 1).any()
+    assert (np.linalg.norm(vectors[:, :, 0], axis=1) < 1).any()
     smallest = [np.linalg.eigvalsh(embedded.tangents(vectors, s)).min() for s in (0.0, 0.5, 1.0)]
     assert smallest[0] < smallest[1] < -1e-4
     assert smallest[2] > -1e-9
@@ -103,6 +108,15 @@ def test_straight_fiber_in_a_stretched_block(block, is_linear, expected):
     assert (force * block.nodes).sum() == pytest.approx(7.0 * expected * 40)  # virtual work
     end = np.abs(block.nodes[:, 0] - 40) < 1e-9
     assert force[end, 0].sum() == pytest.approx(7.0 * expected)
+
+
+def test_shear_of_the_cross_section(block):
+    normals, shear = np.array([[0, 0, 1.0]]), np.array([[3.0, 5.0]])
+    embedded = EmbeddedFibers(block, Fibers((STRAIGHT,), np.zeros(1), False, shear, normals))
+    for axis, stiffness in ((1, 3.0), (2, 5.0)):
+        u = np.zeros_like(block.nodes)
+        u[:, 0] = 0.1 * block.nodes[:, axis]
+        assert embedded.energy(embedded.vectors(u)) == pytest.approx(0.5 * stiffness * 0.01 * 40)
 
 
 def test_equilibrium_carries_the_force_of_the_fiber(block):
