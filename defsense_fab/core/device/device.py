@@ -390,6 +390,7 @@ class Device:
         converter: Converter that reads the cords, a name in `CONVERTERS`.
         seed: Seed of the random choices of the search for cords.
         searches: Largest number of searches; None for the number that the cords need.
+        exits: Names of the regions in which wires leave the body; empty for anywhere.
     """
 
     name: str
@@ -411,6 +412,7 @@ class Device:
     converter: str = "arduino"
     seed: int = 1
     searches: int | None = None
+    exits: tuple[str, ...] = ()
 
     @property
     def simulated_material(self) -> MaterialSpec:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,7 +15,7 @@ from ..schema.document import Document, load_document, parse_document
 from ..schema.types import is_number
 from ..storage.package_data import read_rows
 from .cord_tables import CordTable
-from .device import CordSpec, Device, FabricationSpec
+from .device import CordSpec, Device, FabricationSpec, Pose
 from .device_tables import (
     BodyTable,
     DesignTable,
@@ -23,6 +23,7 @@ from .device_tables import (
     OutputsTable,
     ReadoutTable,
     RegionTable,
+    WiresTable,
 )
 from .fabrication_table import FabricationTable
 from .filaments import TraceSpec
@@ -61,6 +62,9 @@ class DeviceFile(Table, frozen=True, kw_only=True):
     readout: Annotated[ReadoutTable, key("What measures the cords.")] = msgspec.field(
         default_factory=ReadoutTable
     )
+    wires: Annotated[WiresTable, key("Where wires leave the body.")] = msgspec.field(
+        default_factory=WiresTable
+    )
     fabrication: Annotated[FabricationTable, key("Printer, parts and joints.")] = msgspec.field(
         default_factory=FabricationTable
     )
@@ -84,6 +88,9 @@ class DeviceFile(Table, frozen=True, kw_only=True):
                     yield self._unknown_region(("poses", number, *path), region)
         if self.outputs.anchor is not None and self.outputs.anchor not in self.regions:
             yield self._unknown_region(("outputs", "anchor"), self.outputs.anchor)
+        for number, name in enumerate(self.wires.exit or ()):
+            if name not in self.regions:
+                yield self._unknown_region(("wires", "exit", number), name)
         names = [pose.name for pose in self.poses]
         yield from (p.below("states") for p in self.states.check_poses(names))
         cords = [sensor.name for sensor in self.sensors]
@@ -172,7 +179,18 @@ def read_device(
         converter=declared.readout.converter,
         seed=design.seed,
         searches=design.searches,
+        exits=_exits(declared, poses),
     )
+
+
+def _exits(declared: DeviceFile, poses: Sequence[Pose]) -> tuple[str, ...]:
+    """Return the regions of exits: as stated, or of traces those that all poses hold."""
+    if declared.wires.exit is not None:
+        return declared.wires.exit
+    if not declared.cord.is_printed or not poses:
+        return ()
+    held = set.intersection(*(set(pose.fixed) for pose in poses))
+    return tuple(sorted(held))
 
 
 def _printed_whole(fabrication: FabricationSpec) -> FabricationSpec:

@@ -287,6 +287,19 @@ class ReadoutTable(Table, frozen=True):
     ] = next(iter(CONVERTERS))
 
 
+class WiresTable(Table, frozen=True):
+    """Where wires leave the body."""
+
+    exit: Annotated[
+        tuple[str, ...] | None,
+        key(
+            "Regions in which both ends of every cord or trace leave the body, so that it goes out"
+            " and comes back; `[]` allows any place.",
+            default="any place; of printed traces, the regions that all poses hold",
+        ),
+    ] = None
+
+
 class DesignTable(Table, frozen=True):
     """What is found automatically."""
 

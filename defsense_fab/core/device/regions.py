@@ -87,6 +87,43 @@ class Cylinder:
 Shape = Box | Sphere | HalfSpace | Cylinder
 
 
+def inset(shape: Shape, points: Float) -> tuple[Float, Float]:
+    """Return how far points are inside a shape, with the sign of being inside.
+
+    Outside of an edge or corner it is the largest distance beyond one face.
+
+    Args:
+        shape: The shape.
+        points: Points (n, 3), mm.
+
+    Returns:
+        Distances (n,) mm, negative outside, and their gradients (n, 3), unit vectors.
+    """
+    if isinstance(shape, Sphere):
+        away = points - shape.center
+        distance = np.linalg.norm(away, axis=1)
+        return shape.radius - distance, -away / np.maximum(distance, 1e-12)[:, None]
+    if isinstance(shape, HalfSpace):
+        normal = shape.normal / np.linalg.norm(shape.normal)
+        return (points - shape.origin) @ normal, np.broadcast_to(normal, points.shape)
+    if isinstance(shape, Cylinder):
+        axis = shape.end - shape.start
+        height = float(np.linalg.norm(axis))
+        axis = axis / height
+        along = (points - shape.start) @ axis
+        across = points - shape.start - along[:, None] * axis
+        size = np.linalg.norm(across, axis=1)
+        rooms = np.stack([along, height - along, shape.radius - size], axis=1)
+        unit = -across / np.maximum(size, 1e-12)[:, None]
+        ends = np.broadcast_to(axis, points.shape)
+        normals = np.stack([ends, -ends, unit], axis=1)
+    else:
+        rooms = np.concatenate([points - shape.low, shape.high - points], axis=1)
+        normals = np.broadcast_to(np.concatenate([np.eye(3), -np.eye(3)]), (len(points), 6, 3))
+    nearest, row = rooms.argmin(axis=1), np.arange(len(points))
+    return rooms[row, nearest], normals[row, nearest]
+
+
 def shape_problem(shape: Shape) -> tuple[str, str] | None:
     """Return why a shape is empty.
 

@@ -180,6 +180,37 @@ class _Inlets:
             row[e] = rows.sum(axis=0)
         return value, row
 
+    def exit_margins(
+        self, track: FullPath, lengths: Float, by_lengths: Float, limits: Limits
+    ) -> tuple[Float, Float]:
+        """Return how far inside the allowed regions the exits that exist are.
+
+        Args:
+            track: The path with its runs.
+            lengths: Distances (2,) mm of the path's ends from the surface.
+            by_lengths: Their derivatives (2, size).
+            limits: The limits, with regions of exits.
+
+        Returns:
+            Margins (e,) mm and derivatives (e, size).
+        """
+        path, first = track.placed.points, RUN_SAMPLES * (self.runs[0] > 0)
+        values, rows = [], []
+        for e, (end, before) in enumerate(((0, 1), (len(path) - 1, len(path) - 2))):
+            if not np.isfinite(lengths[e]):
+                continue
+            step = path[end] - path[before]
+            long = np.linalg.norm(step)
+            out = step / long
+            room, gradient = limits.exit_room((path[end] + lengths[e] * out)[None])
+            slope = gradient[0]
+            turn = lengths[e] / long * (slope - (slope @ out) * out)
+            two = np.zeros((2, by_lengths.shape[1]))
+            track.add_rows(np.array([end, before]) + first, np.stack([slope + turn, -turn]), two)
+            values.append(room[0] - MARGIN_MM)
+            rows.append(two.sum(axis=0) + (slope @ out) * by_lengths[e])
+        return np.array(values), np.array(rows).reshape(-1, by_lengths.shape[1])
+
 
 class Constraints:
     """All inequalities of a layout in mm; each is at least zero where it is met.
@@ -262,6 +293,12 @@ class Constraints:
             (inlets.longest - lengths)[leaves],
         ]
         rows = [row - tilt, longer, -longer]
+        if self._limits.exits:
+            margins, by_exit = inlets.exit_margins(tracks[i], lengths, by, self._limits)
+            wide = np.zeros((len(margins), size))
+            wide[:, self._columns[i]] = by_exit
+            values.append(margins)
+            rows.append(wide)
         for bound, sign in ((self._limits.shortest, 1), (self._limits.longest, -1)):
             if 0 < bound < np.inf:
                 length, by_length = _length(tracks[i].placed)

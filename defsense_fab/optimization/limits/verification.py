@@ -167,6 +167,8 @@ def _check_cord(
                 f" within {MAX_INLET_MM:g} mm of the surface",
             )
     leaves = not findings.violations
+    if leaves and limits.exits:
+        _check_exits(points, inlets, limits, findings)
     whole = _with_runs(points, inlets) if leaves else points
     depth, along = depth_of(whole), arc_lengths(whole)
     if leaves:
@@ -185,6 +187,23 @@ def _check_cord(
         tuple(findings.violations),
         np.concatenate([points[:0], *findings.broken]),
     )
+
+
+def _check_exits(
+    points: Float, inlets: tuple[float, float], limits: Limits, findings: _Findings
+) -> None:
+    """Check that both ends of a path (p, 3) mm leave the body in an allowed region."""
+    ends = ((points[0], points[1], "start"), (points[-1], points[-2], "end"))
+    for (end, before, which), inlet in zip(ends, inlets, strict=True):
+        mouth = end + inlet * (end - before) / np.linalg.norm(end - before)
+        if not any(bool(shape.contains(mouth)) for shape in limits.exits):
+            findings.add(
+                "exit-not-allowed",
+                inlet,
+                f": its {which} leaves the body at {format_point(mouth)}, outside of the regions of"
+                " [wires] exit",
+                mouth[None],
+            )
 
 
 def _check_walls(

@@ -37,10 +37,13 @@ def layout_limits(device: Device) -> Limits:
         DeviceError: If no length of channel is allowed.
     """
     channel, wall = device.channel_diameter, device.fabrication.wall
+    exits = tuple(device.regions[name] for name in device.exits)
     if device.cord.trace is not None:
         radius, shortest = device.cord.min_bend_radius, device.cord.min_stretch
         clearance = max(channel, PAD_DIAMETER_MM) + wall  # pads keep apart, too
-        return Limits(wall, radius, clearance, channel, shortest=shortest, is_cut=False)
+        return Limits(
+            wall, radius, clearance, channel, shortest=shortest, is_cut=False, exits=exits
+        )
     pocket = pocket_depth(device, bends=device.fabrication.strain_relief is True)
     prestretch = device.fabrication.prestretch
     # A piece reaches further when stretched; the pre-stretch is assumed unless it is given.
@@ -72,6 +75,7 @@ def layout_limits(device: Device) -> Limits:
         shortest=min_length,
         longest=longest,
         pocket=(_usual_pocket_depth(device), pocket_diameter(device)),
+        exits=exits,
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.device.regions import Shape, inset
 from ...core.errors import LayoutError
 from ...core.mesh import Surface
 from ...decoding.elimination import expected_square
@@ -74,6 +75,7 @@ class Limits:
         longest: Largest length of a channel.
         pocket: Length and diameter of the pockets at a channel's ends, zero without pockets.
         is_cut: Whether the body is cut along the planes; it is not around printed traces.
+        exits: Regions in which both ends of every cord leave the body; empty for anywhere.
     """
 
     wall: float
@@ -85,6 +87,7 @@ class Limits:
     longest: float = np.inf
     pocket: tuple[float, float] = (0.0, 0.0)
     is_cut: bool = True
+    exits: tuple[Shape, ...] = ()
 
     @property
     def lengths(self) -> str:
@@ -92,6 +95,19 @@ class Limits:
         if np.isinf(self.longest):
             return f"at least {self.shortest:.1f} mm are required"
         return f"{self.shortest:.1f} to {self.longest:.1f} mm are allowed"
+
+    def exit_room(self, mouths: Float) -> tuple[Float, Float]:
+        """Return how far inside a region of `exits`, at least one, points are.
+
+        Args:
+            mouths: Points (n, 3), mm.
+
+        Returns:
+            Distances (n,) mm, negative outside of all, and gradients (n, 3).
+        """
+        rooms, gradients = zip(*(inset(shape, mouths) for shape in self.exits), strict=True)
+        best, row = np.argmax(rooms, axis=0), np.arange(len(mouths))
+        return np.stack(rooms)[best, row], np.stack(gradients)[best, row]
 
     @property
     def depth(self) -> float:

@@ -149,7 +149,7 @@ def there_and_back(
 ) -> CandidateBatch:
     """Generate cords of two parallel legs joined by a half circle.
 
-    Both ends are at the end of the body that moves least.
+    Both ends are at the end of the body that moves least, or in the regions of exits.
 
     Args:
         problem: The problem.
@@ -162,7 +162,10 @@ def there_and_back(
     inside = np.isfinite(back + ahead)
     middle, direction, back, ahead = (a[inside] for a in (middle, direction, back, ahead))
     ends = [middle - back[:, None] * direction, middle + ahead[:, None] * direction]
-    moved = [np.linalg.norm(problem.deform(p) - p, axis=-1).mean(0) for p in ends]
+    if problem.limits.exits:
+        moved = [-problem.limits.exit_room(p)[0] for p in ends]
+    else:
+        moved = [np.linalg.norm(problem.deform(p) - p, axis=-1).mean(0) for p in ends]
     direction = np.where((moved[1] < moved[0])[:, None], -direction, direction)
     is_reversed = moved[1] < moved[0]
     back, ahead = np.where(is_reversed, ahead, back), np.where(is_reversed, back, ahead)

@@ -137,6 +137,15 @@ def find_feasible(
     if not len(kept):
         return kept
     ends = ends[leaves]
+    if limits.exits:
+        mouths = paths[leaves][:, [0, -1]] + ends[:, :, None] * out[leaves]
+        room = limits.exit_room(mouths.reshape(-1, 3))[0].reshape(-1, 2)
+        inside = np.asarray((room > MARGIN_MM).all(axis=1))
+        narrow(inside)
+        leaves[leaves] = inside
+        ends = ends[inside]
+        if not len(kept):
+            return kept
     whole = _with_runs(paths[leaves], out[leaves], run_lengths(ends))
     along = arc_lengths(whole)
     rest = ends - run_lengths(ends)

@@ -211,6 +211,9 @@ def _family_pool(
 ) -> Pool:
     """Build candidates of all families; several makers of one family use several cores."""
     *four, last = rng.spawn(5)
+    if problem.limits.exits:  # hardly any path through the body has both ends there
+        loops = [partial(there_and_back, problem, count, r, normals) for r in (*four, last)]
+        return build_pool(problem, loops)
     makers = [partial(waves_through_body, problem, count // 4, r, normals) for r in four]
     back = partial(there_and_back, problem, count // 4, last, normals)
     return build_pool(problem, [*makers, back])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,8 @@ def run(device: Device, build: Build, report: Report) -> None:
     viewer = view3d(scene(device, build, errors, frame))
     poses = build.field_index.warnings
     guide = assembly_guide(device, layout, manifest, build.parts, frame, poses)
+    if manifest.traces:
+        guide = replace(guide, exploded=images["routing"])
     write_guide(guide, folder, viewer)
     images["parts"] = guide.exploded
     images["front"] = draw_trial_errors(layout.weighed)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.device.device import Device, FabricationSpec, Sensor
 from ...core.device.material_table import unusual_properties
 from ...core.device.materials import Silicone, find_silicone
+from ...core.device.regions import Shape
 from ...core.errors import CapacityError
 from ...core.machine.processes import one_blas_thread
 from ...core.progress import Progress
@@ -133,7 +134,11 @@ def _mesh_inputs(d: Device) -> Any:
 
 
 def _regions(d: Device) -> Any:
-    return sorted((k, type(s).__name__, plain(vars(s))) for k, s in d.regions.items())
+    return sorted((k, *_shape(s)) for k, s in d.regions.items())
+
+
+def _shape(shape: Shape) -> tuple[str, Any]:
+    return type(shape).__name__, plain(vars(shape))
 
 
 def plain(value: Any) -> Any:
@@ -191,6 +196,7 @@ def layout_parts(d: Device) -> tuple[Any, Any]:
         [memory_residuals(d.cord.name, k, n) for k in (TRAINED, AFFINE) for n in (1, 2)],
         known_family(d.cord.name),
         *(() if has_default_search else (d.seed, d.searches)),
+        *((sorted(d.exits), [_shape(d.regions[n]) for n in sorted(d.exits)]) if d.exits else ()),
     )
     shrinkage = None if silicone is None else silicone.shrinkage
     return plain(design), plain((_layout_inputs(d.fabrication), d.material, shrinkage))

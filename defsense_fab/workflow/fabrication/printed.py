@@ -120,7 +120,7 @@ def trace_records(
             name=trace.name,
             stl=f"{trace.name}.stl",
             line=channel.inside,
-            pads=np.stack([end.mouth for end in channel.ends]),
+            pads=np.round([end.mouth for end in channel.ends], 4) + 0.0,  # no negative zeros
             volume=trace.volume,
             length=channel.length,
             resistance=row.resistance,

@@ -13,6 +13,7 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.geometry.printing.slicer_settings import slice_with_prusa
 from defsense_fab.store.build import Build
+from defsense_fab.workflow.fabrication.printed import place_on_bed
 from tests.support.body_scripts import write_bar
 from tests.support.errors import raises
 from tests.support.gcode_edits import remove_extrusion
@@ -71,11 +72,12 @@ def test_body_and_traces_are_one_object(folder):
         assert (parts / file).stat().st_size > 0
 
 
-def test_pads_are_on_the_skin(folder):
+def test_pads_are_on_the_skin_of_the_end_that_all_poses_hold(folder):
     middle, half = np.array([75.0, 0.0, 0.0]), np.array([75.0, 15.0, 15.0])
     for trace in Build(folder / "build").manifest.traces:
         outside = np.abs(trace.pads - middle) - half
         assert outside.max(axis=1) == pytest.approx(np.zeros(2), abs=0.05)
+        assert trace.pads[:, 0].max() < 10.0
 
 
 def test_the_stiffness_of_the_traces_is_in_the_prediction(folder):
@@ -116,15 +118,17 @@ def test_sliced_beads_conduct_as_designed(folder, tmp_path, capsys):
     for trace in checked["traces"]:
         assert trace["resistance"] == pytest.approx(trace["expected"], rel=0.35)
     assert main(["traces", str(folder), str(gcode), "--tool", "0"]) == REFUSED  # swapped
-    line = Build(folder / "build").manifest.traces[0].line
-    x, y, z = line[len(line) // 2] + [35.0, 110.0, 15.0]  # on the bed
-    low, high = (x - 0.8, y - 2, z - 2), (x + 0.8, y + 2, z + 2)
+    build, fabrication = Build(folder / "build"), load_device(folder).fabrication
+    body, line = build.parts["1-whole"], build.manifest.traces[0].line
+    middle = line[len(line) // 2][None]
+    (point,) = place_on_bed(middle, np.array(fabrication.up), body, fabrication.bed)
+    low, high = tuple(point - 1.2), tuple(point + 1.2)
     text = remove_extrusion(gcode.read_text(encoding="utf-8"), 1, low, high)
     gcode.write_text(text, encoding="utf-8")
     assert main(["traces", str(folder), str(gcode), "--json"]) == REFUSED
     (gap,) = json.loads(capsys.readouterr().out)["findings"]
     assert (gap["kind"], gap["traces"]) == ("gap", ["trace-1"])
-    assert gap["at"] == pytest.approx([x, y, z], abs=1.5)
+    assert gap["at"] == pytest.approx(point.tolist(), abs=2.0)
 
 
 def test_a_file_that_is_no_gcode_is_refused(folder):
@@ -136,6 +140,7 @@ def test_a_file_that_is_no_gcode_is_refused(folder):
     [
         ({'"ninjaflex-85a"': '"ecoflex-00-30"'}, "trace-too-stiff"),
         ({'"fdm-tpu"': '"polyjet"'}, "printer-without-second-extruder"),
+        ({"[fabrication]": '[wires]\nexit = ["bse"]\n\n[fabrication]'}, "unknown-region"),
     ],
 )
 def test_traces_that_cannot_work_are_refused(tmp_path, changes, code):

@@ -1,0 +1,72 @@
+"""Cords and traces whose ends leave the body in given regions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device.regions import Box, Cylinder, HalfSpace, Sphere, inset
+from defsense_fab.geometry.kernels import surface_queries
+from defsense_fab.optimization.limits.constraints import Constraints
+from defsense_fab.optimization.limits.verification import verify
+from defsense_fab.optimization.problem.cord_parameters import CordParameters
+from tests.optimization.conftest import LIMITS, search
+
+SHAPES = [
+    Box(np.array([-1.0, -2, -3]), np.array([4.0, 5, 6])),
+    Sphere(np.array([1.0, 2, 3]), 4.0),
+    HalfSpace(np.array([1.0, 0, 0]), np.array([3.0, 1, -2])),
+    Cylinder(np.array([0.0, 0, -3]), np.array([1.0, 2, 5]), 3.0),
+]
+BASE = Box(np.array([-1.0, -16, -16]), np.array([10.0, 16, 16]))
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda s: type(s).__name__)
+def test_the_inset_of_a_region(shape):
+    """Its sign is that of being inside, and its gradient that of finite differences."""
+    points = np.random.default_rng(0).uniform(-8, 8, (400, 3))
+    distance, gradient = inset(shape, points)
+    assert ((distance > 0) == shape.contains(points)).all()
+    assert np.linalg.norm(gradient, axis=1) == pytest.approx(np.ones(400))
+    for axis in range(3):
+        step = 1e-6 * np.eye(3)[axis]
+        slope = (inset(shape, points + step)[0] - inset(shape, points - step)[0]) / 2e-6
+        assert np.mean(np.abs(slope - gradient[:, axis]) < 1e-4) > 0.99  # but at edges
+
+
+@pytest.mark.slow
+def test_derivatives_of_exits_by_finite_differences(problem, straight):
+    limits = replace(LIMITS, exits=(BASE, Sphere(np.array([150.0, 3, 4]), 12.0)))
+    planar, spatial = straight("a", y=5), straight("b", y=-5).in_space()
+    cords = [CordParameters(planar), CordParameters(spatial)]
+    constraints = Constraints(problem.surface, problem.depth, limits, cords)
+    x = np.random.default_rng(5).normal(0, 0.8, sum(c.size for c in cords))
+    values, jacobian = constraints(x)
+    without = Constraints(problem.surface, problem.depth, LIMITS, cords)(x)[0]
+    assert len(values) == len(without) + 4
+    for i in range(len(x)):
+        e = 1e-6 * np.eye(len(x))[i]
+        slope = (constraints(x + e)[0] - constraints(x - e)[0]) / 2e-6
+        assert jacobian[:, i] == pytest.approx(slope, rel=1e-4, abs=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("in_space", [False, True])
+def test_a_search_keeps_the_exits(problem, in_space):
+    """Rays from the ends of the found path meet the skin in the region."""
+    limits = replace(LIMITS, exits=(BASE,), is_cut=not in_space)
+    problem = replace(problem, limits=limits)
+    found = search(problem, extra=1, starts=2, candidates=2000, in_space=in_space)
+    (sensor,) = found.sensors
+    points = sensor.plane.to_world(sensor.curve.sample(200))
+    for end, before in ((points[0], points[1]), (points[-1], points[-2])):
+        out = (end - before) / np.linalg.norm(end - before)
+        hit = surface_queries.cast_ray(end, out, problem.surface)[0]
+        assert BASE.contains(end + hit * out)
+
+
+@pytest.mark.slow
+def test_an_exit_elsewhere_is_found(problem, straight):
+    limits = replace(LIMITS, exits=(BASE,))
+    (violation,) = verify([straight("a", y=5)], problem.surface, limits).violations
+    assert (violation.code, violation.cords) == ("exit-not-allowed", ("a",))
