@@ -23,11 +23,15 @@ References:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 
 import numpy as np
 
 from ...core.arrays import Float, Int
+from ...core.device.device import Device
 from ...core.errors import SolveError
 from ..elements.point_location import PointLocator
 from ..elements.tet10 import QuadraticMesh, shape_derivatives
@@ -135,6 +139,25 @@ class Fibers:
         shear = None if self.shear is None else self.shear.tobytes()
         normals = None if self.normals is None else self.normals.tobytes()
         return (lines, self.stiffness.tobytes(), self.is_linear, shear, normals)
+
+
+def trace_fibers(device: Device, paths: Sequence[Float], simulated: float) -> Fibers:
+    """Return the printed traces of a device as fibers.
+
+    Args:
+        device: A device with printed traces.
+        paths: Their center lines (p, 3), mm, rest frame.
+        simulated: Young's modulus that the body is solved with, MPa.
+    """
+    spec, material = device.cord.trace, device.material
+    assert spec is not None
+    moduli = (max(spec.young_modulus, material.young_modulus), material.young_modulus)
+    size, up = (spec.width, spec.height), np.array(device.fabrication.up)
+    each = [
+        Fibers.of_trace(path, size, up, moduli, simulated, poisson=material.poisson_ratio)
+        for path in paths
+    ]
+    return reduce(add, each)
 
 
 def _miters(path: Float, normal: Float) -> Float:

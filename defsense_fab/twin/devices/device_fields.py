@@ -29,12 +29,13 @@ from ...mechanics.elements.material import Material, split
 from ...mechanics.elements.point_location import PointLocator
 from ...mechanics.elements.tet10 import QuadraticMesh
 from ...mechanics.loading.boundary_conditions import BoundaryConditions
+from ...mechanics.loading.fibers import Fibers, trace_fibers
 from ...mechanics.loading.pose import mix_poses
 from ...mechanics.solver.batch import Job, solve_all
 from ...mechanics.solver.solved_jobs import SolvedJobs, keep_solved_jobs
 from ...sensing.built_cord import CordReading
 from ...store.build import Build
-from ...store.layout import LAYOUT, PREDICTION
+from ...store.layout import LAYOUT, PREDICTION, layout_hash
 from ...store.mesh import RECORD
 from ..scenes.assumptions import assume
 from ..scenes.pose_space import PoseSpace
@@ -151,7 +152,7 @@ def solve_fields(
 def share_fields(source: Device, device: Device) -> None:
     """Copy the solved fields of a device to another one with the same body and poses.
 
-    The fields do not depend on the cords.
+    The fields do not depend on cords; those with printed traces are solved again.
 
     Raises:
         CaptureError: One of the devices is not built.
@@ -180,7 +181,17 @@ def _cache_key(device: Device, build: Build, traits: MechanicsTraits, poses: Seq
             surface,
             folder / RECORD,
             build.prediction.markers.tolist(),
+            *([] if device.cord.trace is None else [repr(device.cord), layout_hash(build.layout)]),
         )
+
+
+def _trace_fibers(device: Device, build: Build) -> Fibers | None:
+    """Return the printed traces with another law than that of the design; None for cords."""
+    if device.cord.trace is None:
+        return None
+    paths = [s.stretch for s in build.layout.sensors]
+    fibers = trace_fibers(device, paths, device.material.young_modulus)
+    return replace(fibers, is_linear=True)
 
 
 def choose_material(device: Device, traits: MechanicsTraits) -> Material:
@@ -207,7 +218,8 @@ def _solve(
     mesh = QuadraticMesh.from_linear(_make_mesh(device, build, traits.edge))
     rng, mixable = np.random.default_rng(RAY_SEED), find_mixable_poses(poses)
     axes = pose_axes(poses)
-    sampler = _Sampler(device, poses, mesh, choose_material(device, traits), kept, progress)
+    material, fibers = choose_material(device, traits), _trace_fibers(device, build)
+    sampler = _Sampler(device, poses, mesh, material, kept, progress, fibers)
     rays = [*single_rays(len(poses)), *corner_rays(mixable)]
     first_states = min(traits.states * len(axes), MAX_FIRST_STATES)
     remaining = first_states - sum(len(r.fractions) for r in rays)
@@ -275,8 +287,9 @@ class _Sampler:
         material: Material,
         kept: SolvedJobs,
         progress: Progress,
+        fibers: Fibers | None = None,
     ) -> None:
-        self._kept = kept
+        self._kept, self._fibers = kept, fibers
         self._device, self._poses, self._mesh, self._material = device, poses, mesh, material
         self._progress, self._lock = progress, threading.Lock()
         self.states: list[Float] = []
@@ -340,7 +353,8 @@ class _Sampler:
     def _conditions(self, ray: Ray) -> BoundaryConditions:
         d = self._device
         weights = {p.name: float(w) for p, w in zip(self._poses, ray.end, strict=True) if w}
-        return mix_poses(self._poses, weights, d.regions, self._mesh, d.material.density)
+        conditions = mix_poses(self._poses, weights, d.regions, self._mesh, d.material.density)
+        return replace(conditions, fibers=self._fibers)
 
     def _record_failure(self, ray: Ray, reason: str) -> None:
         names = [f"{w:.2g} {p.name}" for p, w in zip(self._poses, ray.end, strict=True) if w]

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import reduce
-from operator import add
 
 import numpy as np
 
@@ -12,7 +10,7 @@ from ...core.device.device import Device
 from ...core.progress import Report
 from ...geometry.channels.cord_channels import Channel
 from ...mechanics.elements.material import Material
-from ...mechanics.loading.fibers import Fibers
+from ...mechanics.loading.fibers import trace_fibers
 from ...mechanics.solver.batch import solve_all
 from ...optimization.prediction.as_built import score_channels
 from ...optimization.prediction.design_task import DesignTask, load_task
@@ -51,27 +49,6 @@ class Stiffening:
         )
 
 
-def make_fibers(device: Device, channels: tuple[Channel, ...]) -> Fibers:
-    """Return the traces of a device as fibers of the simulated body.
-
-    Args:
-        device: The device.
-        channels: Lines of its traces.
-    """
-    spec = device.cord.trace
-    assert spec is not None
-    body = device.material.young_modulus
-    moduli = (max(spec.young_modulus, body), body)
-    simulated = device.simulated_material.young_modulus
-    up = np.array(device.fabrication.up)
-    size = (spec.width, spec.height)
-    poisson = device.material.poisson_ratio
-    each = [
-        Fibers.of_trace(c.sensing, size, up, moduli, simulated, poisson=poisson) for c in channels
-    ]
-    return reduce(add, each)
-
-
 def stiffen(
     device: Device,
     build: Build,
@@ -92,7 +69,8 @@ def stiffen(
     """
     mesh, plain = build.quadratic_mesh, build.plain_fields
     plan, jobs, _ = prepare_jobs(device, mesh, list_loadings(device))
-    fibers = make_fibers(device, channels)
+    simulated = device.simulated_material.young_modulus
+    fibers = trace_fibers(device, [c.sensing for c in channels], simulated)
     stiff = [replace(j, conditions=replace(j.conditions, fibers=fibers)) for j in jobs]
     material = Material.from_spec(device.simulated_material)
     results = solve_all(mesh, material, stiff, track_jobs(plan, report))
