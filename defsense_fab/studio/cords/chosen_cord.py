@@ -26,6 +26,7 @@ _FREEDOMS: dict[str, tuple[str, ...]] = {
     "its path": ("path",),
     "its plane": ("plane",),
     "path and plane": ("path", "plane"),
+    "path and ends, in space": ("path", "ends"),
 }
 _MIRROR_AXES = {"left and right": 1, "front and back": 0, "top and bottom": 2}
 

@@ -128,13 +128,14 @@ class CordScene:
         self._handles = []
         if self._chosen is not None:
             rotation = quaternion(self._chosen.plane.axes)
-            is_plane = self._kind == "plane"
+            is_plane = self._moves_plane(self._chosen)
+            is_planar = self._chosen.curve.is_planar
             for index, position in enumerate(self._handle_positions(self._chosen)):
                 handle = self._scene.add_transform_controls(
                     f"/handles/{index}",
                     scale=(0.18 if is_plane else 0.07) * self._size,
                     line_width=3.0,
-                    active_axes=(True, True, is_plane),
+                    active_axes=(True, True, is_plane or not is_planar),
                     disable_rotations=not is_plane,
                     depth_test=False,
                     wxyz=rotation,
@@ -147,11 +148,15 @@ class CordScene:
     def _handle_positions(self, sensor: Sensor) -> Float:
         """Return the positions of the handles (k, 3) mm."""
         points = sensor.curve.points
-        if self._kind == "plane":
+        if self._moves_plane(sensor):
             return sensor.plane.to_world(points.mean(axis=0, keepdims=True))
         if self._kind == "tangents":
             return sensor.plane.to_world(points + sensor.curve.tangents / _TANGENT_SCALE)
         return sensor.plane.to_world(points)
+
+    def _moves_plane(self, sensor: Sensor) -> bool:
+        """Return whether handles move a cord's plane; a path in space has none."""
+        return self._kind == "plane" and sensor.curve.is_planar
 
     def _show_arms(self) -> None:
         """Draw lines from the control points to the handles of their tangents."""
@@ -189,11 +194,12 @@ class CordScene:
 
     def _dragged_cord(self, sensor: Sensor, index: int, handle: Any) -> Sensor:
         position = np.asarray(handle.position, float)
-        if self._kind == "plane":
+        if self._moves_plane(sensor):
             axes = rotation_matrix(handle.wxyz)
             middle = sensor.curve.points.mean(axis=0)
             return replace(sensor, plane=Plane(position - axes[:, :2] @ middle, axes))
-        point = (position - sensor.plane.origin) @ sensor.plane.axes[:, :2]
+        axes = sensor.plane.axes[:, : sensor.curve.points.shape[1]]
+        point = (position - sensor.plane.origin) @ axes
         if self._kind == "tangents":
             return with_tangent(
                 sensor, index, _TANGENT_SCALE * (point - sensor.curve.points[index])

@@ -214,7 +214,8 @@ class CordsMode(Mode):
         """Add a cord along a stroke, or replace the chosen one's path if the user wants that."""
         chosen = self.chosen.find(self.bench.project.device.sensors)
         replaces = self.chosen.is_replaced_by_strokes
-        if replaces and chosen is not None and chosen.plane.coincides(plane):
+        is_planar = chosen is not None and chosen.curve.is_planar
+        if replaces and chosen is not None and is_planar and chosen.plane.coincides(plane):
             points = (plane.to_world(curve.points) - chosen.plane.origin) @ chosen.plane.axes
             tangents = curve.tangents @ plane.axes[:, :2].T @ chosen.plane.axes
             self.bench.apply(set_path(chosen.name, Hermite(points[:, :2], tangents[:, :2])))
@@ -223,7 +224,7 @@ class CordsMode(Mode):
 
     def _snap(self, sensor: Sensor, index: int) -> Sensor:
         surface = self.bench.surface
-        if not self.chosen.is_snapping or surface is None:
+        if not self.chosen.is_snapping or surface is None or not sensor.curve.is_planar:
             return sensor
         if self._snapper is None:
             others = [s for s in self.bench.project.device.sensors if s.name != sensor.name]
@@ -232,7 +233,7 @@ class CordsMode(Mode):
         return with_point(sensor, index, snap.point) if snap.target else sensor
 
     def _write(self, sensor: Sensor, kind: HandleKind, index: int) -> bool:
-        if kind == "plane":
+        if kind == "plane" and sensor.curve.is_planar:
             return self.bench.apply(set_plane(sensor.name, sensor.plane))
         if kind == "tangents":
             return self.bench.apply(bend_at(sensor.name, index, sensor.curve))

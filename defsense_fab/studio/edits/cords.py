@@ -25,17 +25,15 @@ def add_cord(name: str, plane: Plane, curve: Hermite, free: Sequence[str] = ()) 
 
     Args:
         name: Name of the cord.
-        plane: The plane.
+        plane: The plane; it is not written for a path in space.
         curve: The path. Its tangents are written only if they do not follow from the points.
         free: Freedoms of the optimizer, as in `FREEDOMS`.
     """
 
     def change(document: TOMLDocument) -> None:
-        values: dict[str, Any] = {
-            "name": name,
-            "plane": _plane_table(plane),
-            "control_points": numbers(curve.points),
-        }
+        values: dict[str, Any] = {"name": name, "control_points": numbers(curve.points)}
+        if curve.is_planar:
+            values = {"name": name, "plane": _plane_table(plane), **values}
         if not _has_default_tangents(curve):
             values["tangents"] = numbers(curve.tangents)
         if free:
@@ -63,6 +61,8 @@ def take_cords(sensors: Sequence[Sensor]) -> Edit:
             remove(document, _KEY, k)
         for sensor in sensors:
             freedoms = free.get(sensor.name, ["path"])
+            if not sensor.curve.is_planar and freedoms is not None:
+                freedoms = [word for word in freedoms if word in ("path", "ends")]
             add_cord(sensor.name, sensor.plane, sensor.curve, freedoms or ()).change(document)
         design: Any = document.get("design", {})
         if "sensors" in design and design["sensors"] <= len(sensors):
@@ -81,12 +81,12 @@ def rename_cord(name: str, to: str) -> Edit:
 
 
 def move_point(name: str, at: int, to: Float) -> Edit:
-    """Move the control point with index `at` to (2,) mm in the cord's plane."""
+    """Move the control point with index `at` to (2,) mm in the plane, or (3,) mm in space."""
 
     def change(document: TOMLDocument) -> None:
         points = _points(document, name, at)
-        for k in range(2):
-            points[at][k] = number(to[k])
+        for k, coordinate in enumerate(to):
+            points[at][k] = number(coordinate)
 
     return Edit(f"move control point {at + 1} of `{name}`", change)
 
@@ -202,6 +202,9 @@ def mirror_cord(name: str, to: str, origin: Float, normal: Float) -> Edit:
 
     def change(document: TOMLDocument) -> None:
         cord = named(document, _KEY, name)
+        if "plane" not in cord:
+            _mirror_in_space(document, cord.unwrap(), to, origin, n)
+            return
         plane = cord["plane"].unwrap()
         axes = {key: np.array(plane[key], float) for key in ("normal", "x_axis")}
         position = np.array(plane["origin"], float)
@@ -219,6 +222,18 @@ def mirror_cord(name: str, to: str, origin: Float, normal: Float) -> Edit:
         append(document, _KEY, {"name": to, "plane": table} | {**values, "name": to})
 
     return Edit(f"mirror `{name}` to `{to}`", change)
+
+
+def _mirror_in_space(
+    document: TOMLDocument, cord: dict[str, Any], to: str, origin: Float, n: Float
+) -> None:
+    """Add the mirrored copy of a path in space; `n` is the unit normal (3,) of the mirror plane."""
+    points = np.array(cord["control_points"], float)
+    cord["control_points"] = numbers(points - 2 * np.outer((points - origin) @ n, n))
+    if "tangents" in cord:
+        tangents = np.array(cord["tangents"], float)
+        cord["tangents"] = numbers(tangents - 2 * np.outer(tangents @ n, n))
+    append(document, _KEY, {**cord, "name": to})
 
 
 def _has_default_tangents(curve: Hermite) -> bool:

@@ -62,7 +62,7 @@ class ComparedLayout:
     @property
     def planes(self) -> int:
         """Number of planes that the body is cut along."""
-        return len(distinct_planes([s.plane for s in self.sensors]))
+        return len(distinct_planes([s.plane for s in self.sensors if s.curve.is_planar]))
 
 
 def tried_layouts(build: Build) -> list[ComparedLayout]:

@@ -44,7 +44,7 @@ def drawing_planes(surface: Surface, sensors: Sequence[Sensor]) -> dict[str, Pla
         planes[f"middle, normal to {_AXES[axis]}"] = Plane.from_normal(
             middle, np.eye(3)[axis], np.eye(3)[x_axis]
         )
-    return planes | {f"of {s.name}": s.plane for s in sensors}
+    return planes | {f"of {s.name}": s.plane for s in sensors if s.curve.is_planar}
 
 
 def offset_plane(plane: Plane, distance: float) -> Plane:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tomlkit
 
-from defsense_fab.core.curve import Hermite, Plane, catmull_rom
+from defsense_fab.core.curve import REST_FRAME, Hermite, Plane, catmull_rom
 from defsense_fab.core.device.device_file import parse_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.studio.edits import body, cords, poses
@@ -243,3 +243,22 @@ def test_small_values_keep_their_digits():
     assert body.shorten(0.00123456) == 0.001235
     assert body.shorten(0.0) == 0
     assert body.shorten(12.34567) == 12.346
+
+
+def test_traces_in_space_are_written_moved_and_mirrored(folder):
+    printed = TEXT.replace('name = "rubber-2mm"', 'process = "printed"\ntrace = "eel"')
+    printed = printed.replace('"tango-black-plus"', '"ninjaflex-85a"')
+    assert printed.count("printed") == 1
+    points = np.array([[2.0, 0, 0], [40, 5, 5], [80, -5, 0], [110, 0, 5]])
+    curve = Hermite(points, 1.2 * catmull_rom(points))
+    text = done(cords.add_cord("loop", REST_FRAME, curve, ("path", "ends")), printed)
+    text = done(cords.move_point("loop", 1, np.array([41.0, 6, 7])), text)
+    text = done(cords.mirror_cord("loop", "twin", np.zeros(3), np.array([0.0, 3, 0])), text)
+    sensors = {s.name: s for s in parse_device(text, folder).sensors}
+    points[1] = [41, 6, 7]
+    assert sensors["loop"].curve.points == pytest.approx(points)
+    assert sensors["loop"].curve.tangents == pytest.approx(curve.tangents, abs=1e-3)
+    assert sensors["twin"].curve.points == pytest.approx(points * [1, -1, 1])
+    assert sensors["twin"].free == {"path", "ends"}
+    taken = done(cords.take_cords([sensors["loop"]]), text)
+    assert [s.curve.is_planar for s in parse_device(taken, folder).sensors] == [False]
