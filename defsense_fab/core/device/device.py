@@ -299,6 +299,7 @@ class FabricationSpec:
         mould_wall: Wall thickness of molds, mm.
         shrinkage: Linear shrinkage of the cast material; None for that of the silicone's row.
         up: Unit direction that points up as a body with printed traces is printed.
+        keep_whole: Names of regions that no joint and no channel may cross.
     """
 
     process: str
@@ -323,6 +324,7 @@ class FabricationSpec:
     mould_wall: float = 5.0
     shrinkage: float | None = None
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    keep_whole: tuple[str, ...] = ()
 
 
 #: Freedoms of a cord's plane: position and direction, or position only.

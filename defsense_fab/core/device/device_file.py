@@ -91,6 +91,13 @@ class DeviceFile(Table, frozen=True, kw_only=True):
         for number, name in enumerate(self.wires.exit or ()):
             if name not in self.regions:
                 yield self._unknown_region(("wires", "exit", number), name)
+        for number, name in enumerate(self.fabrication.keep_whole):
+            path = ("fabrication", "keep_whole", number)
+            if name not in self.regions:
+                yield self._unknown_region(path, name)
+            elif self.regions[name].half_space is not None:
+                text = f"{name!r} is a half-space, which a cord would have to avoid everywhere"
+                yield Problem(path, text, "region-unbounded", "Use a box, ball or cylinder")
         names = [pose.name for pose in self.poses]
         yield from (p.below("states") for p in self.states.check_poses(names))
         cords = [sensor.name for sensor in self.sensors]

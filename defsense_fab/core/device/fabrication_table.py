@@ -93,6 +93,13 @@ class FabricationTable(Table, frozen=True):
         Count | None, key("Number of flats for camera tags.", default="none")
     ] = None
     marker_size: Annotated[Positive, key("Side of a tag.", unit="mm")] = 10.0
+    keep_whole: Annotated[
+        tuple[str, ...],
+        key(
+            "Regions that no joint, channel, wire or pin may cross, such as bolt holes and buttons:"
+            " boxes, balls or cylinders."
+        ),
+    ] = ()
     up: Annotated[
         Vector,
         key("Direction that points up as a body with printed traces is printed."),
@@ -170,6 +177,7 @@ class FabricationTable(Table, frozen=True):
             mould_wall=FabricationSpec.mould_wall if self.mould_wall is None else self.mould_wall,
             shrinkage=self.shrinkage,
             up=_normalize(self.up),
+            keep_whole=self.keep_whole,
         )
 
 

@@ -87,6 +87,33 @@ class Cylinder:
 Shape = Box | Sphere | HalfSpace | Cylinder
 
 
+_CIRCLE_POINTS = 24
+
+
+def hull_points(shape: Shape) -> Float:
+    """Return points (n, 3) mm whose convex hull holds a shape that is bounded.
+
+    Raises:
+        ValueError: The shape is a half-space.
+    """
+    if isinstance(shape, Box):
+        corners = np.array(np.meshgrid(*np.stack([shape.low, shape.high]).T)).reshape(3, -1)
+        return np.asarray(corners.T)
+    angle = np.arange(_CIRCLE_POINTS) * 2 * np.pi / _CIRCLE_POINTS
+    widening = 1 / np.cos(np.pi / _CIRCLE_POINTS)  # so that polygons hold their circles
+    if isinstance(shape, Sphere):
+        cube = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+        return np.asarray(shape.center + shape.radius * cube)
+    if isinstance(shape, Cylinder):
+        axis = (shape.end - shape.start) / np.linalg.norm(shape.end - shape.start)
+        u = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+        u /= np.linalg.norm(u)
+        ring = np.outer(np.cos(angle), u) + np.outer(np.sin(angle), np.cross(axis, u))
+        ring = shape.radius * widening * ring
+        return np.concatenate([shape.start + ring, shape.end + ring])
+    raise ValueError("a half-space has no bounds")
+
+
 def inset(shape: Shape, points: Float) -> tuple[Float, Float]:
     """Return how far points are inside a shape, with the sign of being inside.
 

@@ -7,11 +7,13 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere
+from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere, hull_points
 from ...core.mesh import Surface
 from ..kernels.surface_queries import signed_distance_of
 from .repair.findings import describe_point
 
+#: Distance of points that stand for regions which pins and wires avoid, mm.
+KEPT_SPACING_MM = 2.0
 #: Grid points along each side of the box in which body and region may meet.
 GRID_POINTS = 24
 
@@ -50,6 +52,21 @@ def region_bounds(shape: Shape) -> tuple[Float, Float]:
         ends = np.array([shape.start, shape.end])
         return ends.min(0) - shape.radius, ends.max(0) + shape.radius
     return np.full(3, -np.inf), np.full(3, np.inf)
+
+
+def fill_region(shape: Shape, spacing: float) -> Float:
+    """Return points (n, 3) mm of a grid in a bounded region, at least one.
+
+    Args:
+        shape: A box, ball or cylinder.
+        spacing: Distance of neighbors, mm.
+    """
+    corners = hull_points(shape)
+    bounds = zip(corners.min(axis=0), corners.max(axis=0), strict=True)
+    axes = [np.arange(low, high + spacing, spacing) for low, high in bounds]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    inside = points[shape.contains(points)]
+    return inside if len(inside) else corners.mean(axis=0, keepdims=True)
 
 
 def describe_region(shape: Shape) -> str:

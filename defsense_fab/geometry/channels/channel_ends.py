@@ -32,11 +32,13 @@ class Pockets:
         diameter: Diameter, mm.
         length: Length, mm.
         wires: The wires, or None if they come out of the cords' mouths.
+        kept: Places that pockets and wires avoid.
     """
 
     diameter: float
     length: float
     wires: Wires | None = None
+    kept: tuple[Hollow, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,7 @@ class _EndPlanner:
 
     def _plan_pocket(self, k: int) -> None:
         """Give an end its pocket if there is room next to those that others may have."""
-        others: list[Hollow] = []
+        others: list[Hollow] = list(self._pockets.kept)
         for j, line in enumerate(self._lines):
             if j // 2 != k // 2:
                 count = int(self._pockets.length / np.linalg.norm(line[1] - line[0])) + 4
@@ -176,7 +178,7 @@ class _EndPlanner:
         depth = start.ferrule + self._pockets.length
         twin = self._ends[k ^ 1]
         own = own_hollows(self._lines[k], twin, depth, self._channel, self._pockets)
-        return [*own, *self._other_hollows(k)]
+        return [*own, *self._pockets.kept, *self._other_hollows(k)]
 
     def _plan_lead(self, k: int, wires: Wires, find: Callable[[LeadStart], Lead | str]) -> None:
         """Give an end the lead that `find` returns for the shallowest pocket that allows one."""
@@ -184,7 +186,8 @@ class _EndPlanner:
         flare = pockets.diameter / 2 + 2 * chamfer_width(self._wall)
         for factor in DEPTH_FACTORS:
             room = factor * wires.room(self._wall)
-            obstacles = [*self._ends[k ^ 1].hollows(pockets), *self._other_hollows(k)]
+            twin = self._ends[k ^ 1].hollows(pockets)
+            obstacles = [*twin, *pockets.kept, *self._other_hollows(k)]
             problem = self._pocket_problem(k, pockets.length + room, obstacles)
             if problem:
                 reason = reason or f"for its bend the pocket must be deeper, but {problem}"

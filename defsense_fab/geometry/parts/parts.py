@@ -15,6 +15,7 @@ from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..bodies.connector_bay import without_bay
 from ..bodies.orientation import Z_UP, viewing_axes
+from ..bodies.regions import KEPT_SPACING_MM, fill_region
 from ..channels.cord_channels import Channel, make_channels
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import Prism
@@ -155,6 +156,7 @@ def make_parts(
         *check_wire_walls(channels, surface, rules),
     ]
     hollows = [h for c in channels for h in c.hollows(rules.channel, rules.pockets)]
+    hollows += [(fill_region(shape, KEPT_SPACING_MM), KEPT_SPACING_MM) for shape in rules.kept]
     bay = _bay_of(rules)
     skin = without_bay(surface, bay) if bay else surface
     planes = [s.plane for s in sensors]

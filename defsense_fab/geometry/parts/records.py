@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ...core.arrays import Float
+from ...core.device.regions import Shape
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..channels.channel_ends import Pockets
@@ -82,6 +83,7 @@ class PartRules:
         through: Whether every cut goes right through, as moulds require.
         across: Length between the ferrules, mm, below which a cord is placed in one joint, since it
             cannot be held across an open one.
+        kept: Regions that pins and seats avoid.
     """
 
     cord: float
@@ -94,6 +96,7 @@ class PartRules:
     tag: float = 10.0
     through: bool = False
     across: float = 0.0
+    kept: tuple[Shape, ...] = ()
 
     @property
     def inner_wall(self) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.curve import arc_lengths
 from ...core.device.device import Sensor
+from ...core.device.regions import hull_points
 from ...core.machine import kernels
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import MAX_INLET_SLOPE
@@ -293,6 +294,10 @@ class Constraints:
             (inlets.longest - lengths)[leaves],
         ]
         rows = [row - tilt, longer, -longer]
+        if self._limits.kept_whole:
+            found = self._kept_margins(tracks, i)
+            values += found[0]
+            rows += found[1]
         if self._limits.exits:
             margins, by_exit = inlets.exit_margins(tracks[i], lengths, by, self._limits)
             wide = np.zeros((len(margins), size))
@@ -306,6 +311,24 @@ class Constraints:
                 wide = np.zeros((1, size))
                 wide[0, self._columns[i]] = sign * (by_length + by[leaves].sum(axis=0))
                 values.append(np.array([sign * slack - MARGIN_MM]))
+                rows.append(wide)
+        return values, rows
+
+    def _kept_margins(self, tracks: Sequence[FullPath], i: int) -> tuple[list[Float], list[Float]]:
+        """Return the margins of a cord's channel and of its cut to regions that are kept whole."""
+        room, away = self._limits.room_to_kept(tracks[i].points)
+        worst = _worst_of_groups(room)
+        values = [room[worst] - MARGIN_MM]
+        rows = [self._rows(tracks, len(worst), (i, worst, away[worst]))]
+        placed = tracks[i].placed
+        if placed.cord.has_plane and self._limits.is_cut:
+            for shape in self._limits.kept_whole:
+                heights = [placed.height(point) for point in hull_points(shape)]
+                side = 1.0 if np.mean([h for h, _ in heights]) >= 0 else -1.0
+                height, by = min(heights, key=lambda pair: side * pair[0])
+                wide = np.zeros((1, self._size))
+                wide[0, self._columns[i]] = side * by
+                values.append(np.array([side * height - MARGIN_MM]))
                 rows.append(wide)
         return values, rows
 

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from ...core.arrays import Float, format_point
 from ...core.curve import arc_lengths, bend_radius, per_span_for_spacing, sample_path
 from ...core.device.device import Sensor
+from ...core.device.regions import Shape, hull_points
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import MAX_INLET_SLOPE
 from ...geometry.kernels import surface_queries
@@ -171,6 +172,8 @@ def _check_cord(
         _check_exits(points, inlets, limits, findings)
     whole = _with_runs(points, inlets) if leaves else points
     depth, along = depth_of(whole), arc_lengths(whole)
+    for shape in limits.kept_whole:
+        _check_kept(sensor, whole, shape, limits, findings)
     if leaves:
         _check_walls(whole, depth, along, limits, findings)
     inside = np.minimum(along, along[-1] - along) >= limits.depth / MAX_INLET_SLOPE
@@ -203,6 +206,31 @@ def _check_exits(
                 f": its {which} leaves the body at {format_point(mouth)}, outside of the regions of"
                 " [wires] exit",
                 mouth[None],
+            )
+
+
+def _check_kept(
+    sensor: Sensor, whole: Float, shape: Shape, limits: Limits, findings: _Findings
+) -> None:
+    """Check that neither a channel with samples (p, 3) mm nor its cut crosses a kept region."""
+    around = np.concatenate([np.eye(3), -np.eye(3)]) * (limits.depth - _TOLERANCE_MM)
+    near = shape.contains(whole[:, None] + around).any(axis=1) | shape.contains(whole)
+    if near.any():
+        at = whole[int(near.argmax())]
+        findings.add(
+            "kept-region-crossed",
+            0.0,
+            f" comes too near a region of [fabrication] keep_whole near {format_point(at)}",
+            whole[near],
+        )
+    if limits.is_cut and sensor.curve.is_planar:
+        heights = (hull_points(shape) - sensor.plane.origin) @ sensor.plane.normal
+        if heights.min() < -_TOLERANCE_MM and heights.max() > _TOLERANCE_MM:
+            depth = float(min(-heights.min(), heights.max()))
+            findings.add(
+                "kept-region-cut",
+                depth,
+                f": its plane cuts a region of [fabrication] keep_whole, {depth:.1f} mm deep",
             )
 
 

@@ -15,6 +15,7 @@ from ...core.device.materials import find_silicone
 from ...core.errors import DeviceError, FabricationError
 from ...core.mesh import Surface
 from ...core.progress import Report
+from ...geometry.bodies.regions import KEPT_SPACING_MM, fill_region
 from ...geometry.channels.channel_ends import Pockets
 from ...geometry.channels.cord_channels import Channel, make_channels, make_trace_lines
 from ...geometry.kernels.cutting_tools import Prism
@@ -42,6 +43,8 @@ def part_rules(device: Device, bay: Prism | None = None) -> PartRules:
     """
     f = device.fabrication
     relief = f.strain_relief is not False
+    shapes = tuple(device.regions[name] for name in f.keep_whole)
+    kept = tuple((fill_region(shape, KEPT_SPACING_MM), KEPT_SPACING_MM / 2) for shape in shapes)
     return PartRules(
         device.cord.diameter,
         device.channel_diameter,
@@ -52,6 +55,7 @@ def part_rules(device: Device, bay: Prism | None = None) -> PartRules:
             pocket_diameter(device),
             device.cord.ferrule_length,
             wire_rules(device, relief, bay) if bay or relief else None,
+            kept,
         )
         if f.pockets
         else None,
@@ -59,6 +63,7 @@ def part_rules(device: Device, bay: Prism | None = None) -> PartRules:
         f.marker_size,
         f.kind == "cast",
         min_length_across_joint(device),
+        shapes,
     )
 
 

@@ -38,11 +38,19 @@ def layout_limits(device: Device) -> Limits:
     """
     channel, wall = device.channel_diameter, device.fabrication.wall
     exits = tuple(device.regions[name] for name in device.exits)
+    kept = tuple(device.regions[name] for name in device.fabrication.keep_whole)
     if device.cord.trace is not None:
         radius, shortest = device.cord.min_bend_radius, device.cord.min_stretch
         clearance = max(channel, PAD_DIAMETER_MM) + wall  # pads keep apart, too
         return Limits(
-            wall, radius, clearance, channel, shortest=shortest, is_cut=False, exits=exits
+            wall,
+            radius,
+            clearance,
+            channel,
+            shortest=shortest,
+            is_cut=False,
+            exits=exits,
+            kept_whole=kept,
         )
     pocket = pocket_depth(device, bends=device.fabrication.strain_relief is True)
     prestretch = device.fabrication.prestretch
@@ -76,6 +84,7 @@ def layout_limits(device: Device) -> Limits:
         longest=longest,
         pocket=(_usual_pocket_depth(device), pocket_diameter(device)),
         exits=exits,
+        kept_whole=kept,
     )
 
 

@@ -76,6 +76,7 @@ class Limits:
         pocket: Length and diameter of the pockets at a channel's ends, zero without pockets.
         is_cut: Whether the body is cut along the planes; it is not around printed traces.
         exits: Regions in which both ends of every cord leave the body; empty for anywhere.
+        kept_whole: Bounded regions that no channel and no cut may cross.
     """
 
     wall: float
@@ -88,6 +89,7 @@ class Limits:
     pocket: tuple[float, float] = (0.0, 0.0)
     is_cut: bool = True
     exits: tuple[Shape, ...] = ()
+    kept_whole: tuple[Shape, ...] = ()
 
     @property
     def lengths(self) -> str:
@@ -108,6 +110,24 @@ class Limits:
         rooms, gradients = zip(*(inset(shape, mouths) for shape in self.exits), strict=True)
         best, row = np.argmax(rooms, axis=0), np.arange(len(mouths))
         return np.stack(rooms)[best, row], np.stack(gradients)[best, row]
+
+    def room_to_kept(self, points: Float) -> tuple[Float, Float]:
+        """Return how far points are from what channels may come near to around kept regions.
+
+        Args:
+            points: Points (n, 3), mm.
+
+        Returns:
+            Distances (n,) mm, negative where a channel would be too near; infinite without kept
+            regions. Gradients (n, 3).
+        """
+        room, gradient = np.full(len(points), np.inf), np.zeros((len(points), 3))
+        for shape in self.kept_whole:
+            inside, inward = inset(shape, points)
+            is_nearer = -inside - self.depth < room
+            room = np.where(is_nearer, -inside - self.depth, room)
+            gradient = np.where(is_nearer[:, None], -inward, gradient)
+        return room, gradient
 
     @property
     def depth(self) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from ...core.arrays import Bool, Float, Int
 from ...core.curve import Hermite, Plane, arc_lengths, catmull_rom, curvature, hermite_basis
 from ...core.device.device import Sensor
+from ...core.device.regions import hull_points
 from ...geometry.kernels.surface_queries import SignedDistance
 from ...mechanics.elements.threads import count_cores, run_in_chunks
 from ..limits.constraints import (
@@ -124,6 +125,8 @@ def find_feasible(
     narrow(np.asarray(bend * limits.min_radius < 0.98))
     for count in (8, COARSE_SAMPLES):  # most candidates fail at a few points already
         narrow(np.asarray(grid(batch.paths(count)).min(axis=1) > 0))
+    if limits.kept_whole:
+        narrow(_spares_kept(batch, limits))
     paths, out = batch.paths(COARSE_SAMPLES), batch.out()
     ends = np.stack(
         [
@@ -162,6 +165,19 @@ def find_feasible(
         limits.clearance + np.diff(along[good]).max(axis=1) / 4
     )
     return np.asarray(kept[good])
+
+
+def _spares_kept(batch: CandidateBatch, limits: Limits) -> Bool:
+    """Return which candidates (c,) cross no region that is kept whole, and do not cut one."""
+    paths = batch.paths(COARSE_SAMPLES)
+    room = limits.room_to_kept(paths.reshape(-1, 3))[0].reshape(paths.shape[:2])
+    good = (room > MARGIN_MM).all(axis=1)
+    if limits.is_cut and batch.points.shape[2] == 2:
+        for shape in limits.kept_whole:
+            heights = (hull_points(shape) - batch.origins[:, None]) @ batch.axes[:, :, 2, None]
+            low, high = heights[..., 0].min(axis=1), heights[..., 0].max(axis=1)
+            good &= (low > MARGIN_MM) | (high < -MARGIN_MM)
+    return np.asarray(good)
 
 
 def _with_runs(paths: Float, out: Float, runs: Float) -> Float:

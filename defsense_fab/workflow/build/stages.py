@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -137,6 +137,10 @@ def _regions(d: Device) -> Any:
     return sorted((k, *_shape(s)) for k, s in d.regions.items())
 
 
+def _named_shapes(d: Device, names: Sequence[str]) -> list[Any]:
+    return [[(name, *_shape(d.regions[name])) for name in sorted(names)]] if names else []
+
+
 def _shape(shape: Shape) -> tuple[str, Any]:
     return type(shape).__name__, plain(vars(shape))
 
@@ -196,7 +200,8 @@ def layout_parts(d: Device) -> tuple[Any, Any]:
         [memory_residuals(d.cord.name, k, n) for k in (TRAINED, AFFINE) for n in (1, 2)],
         known_family(d.cord.name),
         *(() if has_default_search else (d.seed, d.searches)),
-        *((sorted(d.exits), [_shape(d.regions[n]) for n in sorted(d.exits)]) if d.exits else ()),
+        *_named_shapes(d, d.exits),
+        *_named_shapes(d, d.fabrication.keep_whole),
     )
     shrinkage = None if silicone is None else silicone.shrinkage
     return plain(design), plain((_layout_inputs(d.fabrication), d.material, shrinkage))

@@ -1,11 +1,18 @@
-"""Cords and traces whose ends leave the body in given regions."""
+"""Regions in which cords and traces leave the body, and regions that are kept whole."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from defsense_fab.core.device.regions import Box, Cylinder, HalfSpace, Sphere, inset
+from defsense_fab.core.device.regions import (
+    Box,
+    Cylinder,
+    HalfSpace,
+    Sphere,
+    hull_points,
+    inset,
+)
 from defsense_fab.geometry.kernels import surface_queries
 from defsense_fab.optimization.limits.constraints import Constraints
 from defsense_fab.optimization.limits.verification import verify
@@ -70,3 +77,54 @@ def test_an_exit_elsewhere_is_found(problem, straight):
     limits = replace(LIMITS, exits=(BASE,))
     (violation,) = verify([straight("a", y=5)], problem.surface, limits).violations
     assert (violation.code, violation.cords) == ("exit-not-allowed", ("a",))
+
+
+BOLT = Cylinder(np.array([75.0, 6, -16]), np.array([75.0, 6, 16]), 3.0)
+
+
+@pytest.mark.parametrize("shape", [s for s in SHAPES if not isinstance(s, HalfSpace)])
+def test_the_hull_points_of_a_region(shape):
+    """No point of the region is beyond its hull points in any direction."""
+    rng = np.random.default_rng(1)
+    points = rng.uniform(-8, 8, (4000, 3))
+    inside, hull = points[shape.contains(points)], hull_points(shape)
+    for direction in rng.normal(size=(50, 3)):
+        assert (inside @ direction).max() <= (hull @ direction).max() + 1e-9
+
+
+@pytest.mark.slow
+def test_derivatives_at_kept_regions_by_finite_differences(problem, straight):
+    limits = replace(LIMITS, kept_whole=(BOLT, Sphere(np.array([30.0, -9, 8]), 4.0)))
+    cords = [CordParameters(straight("a", y=-5)), CordParameters(straight("b", z=7).in_space())]
+    constraints = Constraints(problem.surface, problem.depth, limits, cords)
+    x = np.random.default_rng(5).normal(0, 0.5, sum(c.size for c in cords))
+    values, jacobian = constraints(x)
+    assert len(values) > len(Constraints(problem.surface, problem.depth, LIMITS, cords)(x)[0])
+    for i in range(len(x)):
+        e = 1e-6 * np.eye(len(x))[i]
+        slope = (constraints(x + e)[0] - constraints(x - e)[0]) / 2e-6
+        assert jacobian[:, i] == pytest.approx(slope, rel=1e-4, abs=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("in_space", [False, True])
+def test_a_search_spares_kept_regions(problem, in_space):
+    limits = replace(LIMITS, kept_whole=(BOLT,), is_cut=not in_space)
+    problem = replace(problem, limits=limits)
+    found = search(problem, extra=2, starts=2, candidates=3000, in_space=in_space)
+    axis = np.array([75.0, 6.0])
+    for sensor in found.sensors:
+        points = sensor.plane.to_world(sensor.curve.sample(300))
+        distance = np.linalg.norm(points[:, :2] - axis, axis=1).min()
+        assert distance >= BOLT.radius + LIMITS.depth - 1e-3
+        if not in_space:
+            ends = np.array([[75.0, 6, -16], [75.0, 6, 16]]) - sensor.plane.origin
+            heights = ends @ sensor.plane.normal
+            assert heights[0] * heights[1] > 0
+
+
+@pytest.mark.slow
+def test_a_drawing_through_a_kept_region_is_found(problem, straight):
+    limits = replace(LIMITS, kept_whole=(BOLT,))
+    codes = {v.code for v in verify([straight("a", y=6)], problem.surface, limits).violations}
+    assert codes == {"kept-region-crossed", "kept-region-cut"}
