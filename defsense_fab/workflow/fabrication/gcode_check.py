@@ -55,8 +55,9 @@ def check_gcode(
         FabricationError: The device has no printed traces, or the file is no G-code of it.
         StorageError: The device has no parts.
     """
-    spec, manifest = device.cord.trace, build.manifest
-    if spec is None or not manifest.traces:
+    spec = device.cord.trace
+    manifest = build.manifest if spec is not None else None
+    if spec is None or manifest is None or not manifest.traces:
         raise FabricationError(
             "has no printed traces",
             code="no-printed-traces",
