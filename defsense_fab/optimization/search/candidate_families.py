@@ -17,8 +17,8 @@ from ..problem.problem import Problem, sample_by_strain, sample_interior
 from .candidates import CandidateBatch
 
 _WAVES = 4  # sine waves over a path
-_START_DEPTH_MM = 2.0  # of a path's start below the surface; its channel continues straight
-_LEAD_MM = 8.0  # straight start of a path
+START_DEPTH_MM = 2.0  # of a path's start below the surface; its channel continues straight
+LEAD_MM = 8.0  # straight start of a path
 _PROBE_SAMPLES = 16  # of a path, to keep waves away from the surface
 _SPREADS = (0.05, 0.15, 0.5)  # standard deviations of directions about an axis
 _KNOTS = 8  # control points of a path through the body
@@ -88,7 +88,7 @@ def waves_through_body(
         normals: Unit normals (k, 3) of the planes; any direction by default.
     """
     middle, direction = _sample_lines(problem, count, rng, normals)
-    return _add_waves(problem, middle, direction, _frames(direction, rng, normals), rng)
+    return _add_waves(problem, middle, direction, random_frames(direction, rng, normals), rng)
 
 
 def waves_in_plane(
@@ -131,17 +131,15 @@ def straight_batch(
         axes: Axes (c, 3, 3) of the planes, whose x is the direction.
     """
     back, ahead = _surface_distances(problem, middle, direction)
-    length = back + ahead - 2 * _START_DEPTH_MM
-    good = np.isfinite(length) & (length > 3 * _START_DEPTH_MM)
+    length = back + ahead - 2 * START_DEPTH_MM
+    good = np.isfinite(length) & (length > 3 * START_DEPTH_MM)
     back, length = back[good], length[good, None]
-    lead = np.minimum(_LEAD_MM, length / 6)
+    lead = np.minimum(LEAD_MM, length / 6)
     along = np.linspace(0, 1, _KNOTS - 2)
     x = np.concatenate([0 * lead, lead + (length - 2 * lead) * along, length], axis=1)
     points = np.stack([x, np.zeros_like(x)], axis=2)
-    origins = middle[good] - (back - _START_DEPTH_MM)[:, None] * direction[good]
-    return CandidateBatch(
-        _template_sensor(_KNOTS), origins, axes[good], points, catmull_rom(points)
-    )
+    origins = middle[good] - (back - START_DEPTH_MM)[:, None] * direction[good]
+    return CandidateBatch(template_sensor(_KNOTS), origins, axes[good], points, catmull_rom(points))
 
 
 def there_and_back(
@@ -149,7 +147,7 @@ def there_and_back(
 ) -> CandidateBatch:
     """Generate cords of two parallel legs joined by a half circle.
 
-    Both ends are at the end of the body that moves least, or in the regions of exits.
+    Both ends are at the end of the body that moves least.
 
     Args:
         problem: The problem.
@@ -162,14 +160,11 @@ def there_and_back(
     inside = np.isfinite(back + ahead)
     middle, direction, back, ahead = (a[inside] for a in (middle, direction, back, ahead))
     ends = [middle - back[:, None] * direction, middle + ahead[:, None] * direction]
-    if problem.limits.exits:
-        moved = [-problem.limits.exit_room(p)[0] for p in ends]
-    else:
-        moved = [np.linalg.norm(problem.deform(p) - p, axis=-1).mean(0) for p in ends]
+    moved = [np.linalg.norm(problem.deform(p) - p, axis=-1).mean(0) for p in ends]
     direction = np.where((moved[1] < moved[0])[:, None], -direction, direction)
     is_reversed = moved[1] < moved[0]
     back, ahead = np.where(is_reversed, ahead, back), np.where(is_reversed, back, ahead)
-    axes = _frames(direction, rng, normals)
+    axes = random_frames(direction, rng, normals)
     across = axes[:, :, 1]
     up, down = (problem.grid.exits(middle, s * across, 4 * _body_width(problem)) for s in (1, -1))
     widest = (up + down) / 2 - problem.limits.depth
@@ -187,18 +182,18 @@ def there_and_back(
             -direction,
             float(back.max(initial=0) + ahead.max(initial=0)),
         )
-        - _START_DEPTH_MM
+        - START_DEPTH_MM
         for s in (1, -1)
     ]
     good = np.isfinite(legs[0] + legs[1])
-    good &= np.minimum(*legs) > 3 * _LEAD_MM
+    good &= np.minimum(*legs) > 3 * LEAD_MM
     n = int(good.sum())
     origins = (middle + (top - radius)[:, None] * direction)[good]
     a, zero = radius[good], np.zeros(n)
     wave = rng.normal(0, 0.3, (2, n)) * a
     x, y = [], []
     for leg, side, bulge in zip((legs[0][good], legs[1][good]), (a, -a), wave, strict=True):
-        x.append([-leg, _LEAD_MM - leg, (_LEAD_MM - leg) / 2, zero])
+        x.append([-leg, LEAD_MM - leg, (LEAD_MM - leg) / 2, zero])
         y.append([side, side, side + bulge, side])
     points = np.stack(
         [
@@ -212,7 +207,7 @@ def there_and_back(
     half = len(x[0])
     for at, along in ((half - 1, [arc, zero]), (half, [zero, -arc]), (half + 1, [-arc, zero])):
         tangents[:, at] = np.stack(along, axis=1)
-    return CandidateBatch(_template_sensor(points.shape[1]), origins, axes[good], points, tangents)
+    return CandidateBatch(template_sensor(points.shape[1]), origins, axes[good], points, tangents)
 
 
 def _waves(count: int, knots: int, rng: np.random.Generator) -> Float:
@@ -272,7 +267,7 @@ def _surface_distances(problem: Problem, middle: Float, direction: Float) -> tup
     return back, ahead
 
 
-def _frames(direction: Float, rng: np.random.Generator, normals: Float | None) -> Float:
+def random_frames(direction: Float, rng: np.random.Generator, normals: Float | None) -> Float:
     """Return axes (c, 3, 3) of planes with x along the directions (c, 3).
 
     The normal is one of the `normals` perpendicular to x. By default it is random, and for half of
@@ -297,7 +292,7 @@ def _body_width(problem: Problem) -> float:
     return float(np.sort(np.ptp(problem.surface.bounds, axis=0))[1])
 
 
-def _template_sensor(knots: int) -> Sensor:
+def template_sensor(knots: int) -> Sensor:
     """Return the sensor whose name and freedom proposed cords have."""
     plane, points = Plane(np.zeros(3), np.eye(3)), np.zeros((knots, 2))
     return Sensor("proposed", plane, Hermite(points, points), frozenset({"path", "plane"}))

@@ -17,7 +17,8 @@ from ..limits.polyline_distance import path_gaps
 from ..limits.thin_parts import ThinParts
 from ..problem.problem import Problem
 from .candidate_families import there_and_back, vary_sensor, waves_in_plane, waves_through_body
-from .candidates import Pool, build_pool
+from .candidates import CandidateBatch, Pool, build_pool
+from .exit_loops import loops_from_exits
 
 _MAX_EXCHANGE_TRIES = 400  # best candidates tried in place of a chosen cord; a new cord tries all
 
@@ -209,11 +210,17 @@ def candidate_choices(
 def _family_pool(
     problem: Problem, count: int, rng: np.random.Generator, normals: Float | None
 ) -> Pool:
-    """Build candidates of all families; several makers of one family use several cores."""
+    """Build candidates of all families; several makers of one family use several cores.
+
+    Most cords that keep to given exits go out and come back.
+    """
+    if problem.limits.exits:
+        *loops, last = rng.spawn(9)
+        makers = [partial(loops_from_exits, problem, count // 2, r, normals) for r in loops]
+        return build_pool(
+            problem, [*makers, partial(waves_through_body, problem, count // 2, last, normals)]
+        )
     *four, last = rng.spawn(5)
-    if problem.limits.exits:  # hardly any path through the body has both ends there
-        loops = [partial(there_and_back, problem, count, r, normals) for r in (*four, last)]
-        return build_pool(problem, loops)
     makers = [partial(waves_through_body, problem, count // 4, r, normals) for r in four]
     back = partial(there_and_back, problem, count // 4, last, normals)
     return build_pool(problem, [*makers, back])
@@ -232,6 +239,10 @@ def no_room_error(problem: Problem, count: int) -> LayoutError:
             f", with channels of which {limits.lengths} by [cord] length and min_stretch, with"
             " pockets or free ends"
         )
+    if limits.exits:
+        lengths += ", with both ends of each in the regions of [wires] exit"
+    if limits.kept_whole:
+        lengths += ", and whose planes and channels avoid those of [fabrication] keep_whole"
     count_found = _count_that_fits(problem, count)
     advice = "Ask for fewer"
     if 0 < count_found < count:
@@ -309,10 +320,12 @@ def _in_planes(
     chosen = _select(problem, plane_cords, share, slivers, rng) if plane_cords else ()
     if chosen is None or len(plane_cords) == len(cords):
         return chosen
-    makers = [
-        partial(waves_in_plane, problem, plane, _PLANE_CANDIDATES, rng.spawn(1)[0])
-        for plane in distinct_planes([s.plane for s in chosen])
-    ]
+    makers: list[Callable[[], CandidateBatch]] = []
+    for plane in distinct_planes([s.plane for s in chosen]):
+        makers.append(partial(waves_in_plane, problem, plane, _PLANE_CANDIDATES, rng.spawn(1)[0]))
+        if problem.limits.exits:
+            loops, in_plane = partial(loops_from_exits, problem, plane=plane), _PLANE_CANDIDATES
+            makers += [partial(loops, 2 * in_plane, r) for r in rng.spawn(2)]
     pool = build_pool(problem, makers)
     if not len(pool):
         return None
