@@ -353,7 +353,10 @@ class CordTable(Table, frozen=True):
         trace = self._trace_spec()
         given = ("gauge_factor", "max_strain", "noise", "contact")
         bend = self.min_bend_radius or _MIN_BEND_WIDTHS * trace.width
-        return {name: getattr(self, name) or self._filament(name) for name in given} | {
+        stated = {name: getattr(self, name) for name in given}
+        return {
+            name: self._filament(name) if value is None else value for name, value in stated.items()
+        } | {
             "diameter": trace.diameter,
             "ohm_per_mm": trace.resistivity / trace.area,
             "min_bend_radius": bend,

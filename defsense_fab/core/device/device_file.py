@@ -13,6 +13,7 @@ from ..errors import CalibrationError, DeviceError
 from ..schema.declare import Problem, Table, key, unknown_choice
 from ..schema.document import Document, load_document, parse_document
 from ..schema.types import is_number
+from ..storage.file_names import fold_name, name_problem
 from ..storage.package_data import read_rows
 from .cord_tables import CordTable
 from .device import CordSpec, Device, FabricationSpec, Pose
@@ -286,6 +287,13 @@ def _check_traces(declared: DeviceFile, trace: TraceSpec) -> Iterator[Problem]:
     if declared.body.bay is not None:
         text = "wires reach printed traces at pads on the skin, so a bay is not used"
         yield Problem(("body", "bay"), text, "bay-with-traces", "Remove it")
+    folded = [fold_name(sensor.name) for sensor in declared.sensors]
+    for number, sensor in enumerate(declared.sensors):
+        is_taken = folded[number] in ("body", "1-whole", *folded[:number])
+        problem = name_problem(sensor.name)
+        if is_taken or problem:
+            text = problem or f"{sensor.name!r} names another file of the parts"
+            yield Problem(("sensors", number, "name"), text, "name-invalid", "Choose another name")
     young = declared.material.record().young_modulus
     if trace.young_modulus > MAX_STIFFNESS_RATIO * young:
         yield Problem(

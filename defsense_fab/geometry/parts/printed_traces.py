@@ -13,6 +13,7 @@ import numpy as np
 from ...core.arrays import Float, format_point
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
+from ..bodies.regions import KEPT_SPACING_MM, fill_region
 from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import axes_from_normal
@@ -100,6 +101,7 @@ def make_printed(
     body = triangle_kernel.to_manifold(surface, "the body")
     checks = check_cord_walls(channels, surface, rules)
     hollows = [(c.inside, rules.channel / 2) for c in channels]
+    hollows += [(fill_region(shape, KEPT_SPACING_MM), KEPT_SPACING_MM) for shape in rules.kept]
     seats = engraving.place_seats(surface, rules.seats, rules.tag, hollows, rules.wall, [])
     flat = triangle_kernel.cut_out(body, [t for s in seats for t in s.tools])
     solids = [_make_trace(c, shape) ^ flat for c in channels]
@@ -113,7 +115,7 @@ def make_printed(
                 traces=(a.name, b.name),
             )
     report(0.6, "cutting traces out of the body")
-    whole = _drop_slivers(flat - triangle_kernel.union(solids))
+    whole, left_out = _drop_slivers(flat - triangle_kernel.union(solids))
     traces = tuple(_make_part(c.name, s, shape.up) for c, s in zip(channels, solids, strict=True))
     part = _make_part("1-whole", whole, shape.up)
     bodies = (whole,)
@@ -125,7 +127,7 @@ def make_printed(
         labels=(),
         seats=tuple(seats),
         channels=tuple(channels),
-        checks=(*checks, *_check_volumes(float(flat.volume()), part, traces)),
+        checks=(*checks, *_check_volumes(float(flat.volume()) - left_out, part, traces)),
         warnings={},
         cut_out=float(body.volume()) - float(whole.volume()),
         body_volume=float(body.volume()),
@@ -153,8 +155,11 @@ def _make_trace(channel: Channel, shape: TraceShape) -> Any:
     return triangle_kernel.union(solids)
 
 
-def _drop_slivers(whole: Any) -> Any:
-    """Return a body without the slivers that a trace cuts off where it reaches the skin.
+def _drop_slivers(whole: Any) -> tuple[Any, float]:
+    """Drop the slivers of a body that a trace cuts off where it reaches the skin.
+
+    Returns:
+        The body, and the volume of the slivers, mm^3.
 
     Raises:
         FabricationError: A piece is too large to be left out.
@@ -170,7 +175,7 @@ def _drop_slivers(whole: Any) -> Any:
                 action="Move the trace there away from the skin",
                 at=at.tolist(),
             )
-    return pieces[-1]
+    return pieces[-1], sum(float(piece.volume()) for piece in pieces[:-1])
 
 
 def _make_part(name: str, solid: Any, up: Float) -> Part:

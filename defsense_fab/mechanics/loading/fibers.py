@@ -160,15 +160,23 @@ def trace_fibers(device: Device, paths: Sequence[Float], simulated: float) -> Fi
     return reduce(add, each)
 
 
+def _across(normals: Float, directions: Float) -> Float:
+    """Return unit vectors (p, 3) across directions and normals (p, 3).
+
+    Along a normal any direction is across; all such directions get the same.
+    """
+    side = np.cross(normals, directions)
+    size = np.linalg.norm(directions, axis=1) * np.linalg.norm(normals, axis=1)
+    is_steep = np.linalg.norm(side, axis=1) < _STEEP_SINE * size
+    oblique = np.roll(normals[is_steep], 1, axis=1) + _OBLIQUE
+    side[is_steep] = np.cross(directions[is_steep], oblique)
+    return np.asarray(side / np.linalg.norm(side, axis=1)[:, None])
+
+
 def _miters(path: Float, normal: Float) -> Float:
     """Return vectors (p, 3) that offset a path sideways by 1, so that its pieces stay parallel."""
     step = np.diff(path, axis=0)
-    side = np.cross(normal, step)
-    size = np.linalg.norm(side, axis=1)
-    is_steep = size < _STEEP_SINE * np.linalg.norm(step, axis=1) * np.linalg.norm(normal)
-    # Along the normal, any direction is across; all steep pieces take the same.
-    side[is_steep] = np.cross(step[is_steep], np.roll(normal, 1) + _OBLIQUE)
-    side /= np.linalg.norm(side, axis=1)[:, None]
+    side = _across(np.broadcast_to(normal, step.shape), step)
     before, after = np.concatenate([side[:1], side]), np.concatenate([side, side[-1:]])
     total = before + after
     return np.asarray(2 * total / np.maximum((total**2).sum(axis=1), 1.0)[:, None])
@@ -239,8 +247,7 @@ class EmbeddedFibers:
         if fibers.shear is not None and fibers.normals is not None:
             line = np.repeat(range(len(parts)), [len(part[0]) for part in parts])[order]
             up, along = fibers.normals[line], axes[:, :, 0]
-            side = np.cross(up, along)
-            side /= np.linalg.norm(side, axis=1)[:, None]
+            side = _across(up, along)
             axes = np.stack([along, side, np.cross(along, side)], axis=2)
             self._shear = (fibers.shear[line] * length[:, None])[of] * weight[:, None]
         self._axes: Float = axes[of]

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from ...core.arrays import Float, format_point
 from ...core.curve import arc_lengths, bend_radius, per_span_for_spacing, sample_path
 from ...core.device.device import Sensor
-from ...core.device.regions import Shape, hull_points
+from ...core.device.regions import Shape, hull_points, inset
 from ...core.mesh import Surface
 from ...geometry.channels.channel_ends import MAX_INLET_SLOPE
 from ...geometry.kernels import surface_queries
@@ -199,7 +199,7 @@ def _check_exits(
     ends = ((points[0], points[1], "start"), (points[-1], points[-2], "end"))
     for (end, before, which), inlet in zip(ends, inlets, strict=True):
         mouth = end + inlet * (end - before) / np.linalg.norm(end - before)
-        if not any(bool(shape.contains(mouth)) for shape in limits.exits):
+        if limits.exit_room(mouth[None])[0][0] < -_TOLERANCE_MM:
             findings.add(
                 "exit-not-allowed",
                 inlet,
@@ -213,13 +213,13 @@ def _check_kept(
     sensor: Sensor, whole: Float, shape: Shape, limits: Limits, findings: _Findings
 ) -> None:
     """Check that neither a channel with samples (p, 3) mm nor its cut crosses a kept region."""
-    around = np.concatenate([np.eye(3), -np.eye(3)]) * (limits.depth - _TOLERANCE_MM)
-    near = shape.contains(whole[:, None] + around).any(axis=1) | shape.contains(whole)
+    distance = -inset(shape, whole)[0]
+    near = distance < limits.depth - _TOLERANCE_MM
     if near.any():
-        at = whole[int(near.argmax())]
+        at = whole[int(distance.argmin())]
         findings.add(
             "kept-region-crossed",
-            0.0,
+            distance.min(),
             f" comes too near a region of [fabrication] keep_whole near {format_point(at)}",
             whole[near],
         )

@@ -60,6 +60,9 @@ def green_strains(problem: Problem, points: Float) -> Float:
 _MIN_MARKER_MOTION_MM = 1e-6  # below, markers count as unmoved
 
 
+EXIT_TOLERANCE_MM = 0.2  # by which mouths may be outside of the regions of exits
+
+
 @dataclass(frozen=True)
 class Limits:
     """What every layout must keep, all in mm.
@@ -101,6 +104,8 @@ class Limits:
     def exit_room(self, mouths: Float) -> tuple[Float, Float]:
         """Return how far inside a region of `exits`, at least one, points are.
 
+        Regions count as slightly larger, so that one may end at the skin.
+
         Args:
             mouths: Points (n, 3), mm.
 
@@ -109,7 +114,7 @@ class Limits:
         """
         rooms, gradients = zip(*(inset(shape, mouths) for shape in self.exits), strict=True)
         best, row = np.argmax(rooms, axis=0), np.arange(len(mouths))
-        return np.stack(rooms)[best, row], np.stack(gradients)[best, row]
+        return np.stack(rooms)[best, row] + EXIT_TOLERANCE_MM, np.stack(gradients)[best, row]
 
     def room_to_kept(self, points: Float) -> tuple[Float, Float]:
         """Return how far points are from what channels may come near to around kept regions.

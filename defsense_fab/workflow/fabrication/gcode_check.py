@@ -23,6 +23,8 @@ from .printed import place_on_bed
 CONDUCTIVE_TOOL = 1  # the second extruder, counted from 0
 #: Conductive filament in the object, relative to the traces, that only swapped extruders deposit.
 MAX_VOLUME_RATIO = 5.0
+#: Difference in size from the device, which beads do not explain.
+MAX_SIZE_DIFFERENCE_MM = 3.0
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,17 @@ def check_gcode(
             " in the slicer",
             printed=printed,
             designed=designed,
+        )
+    ends = np.concatenate([beads.start[beads.is_object], beads.end[beads.is_object]])
+    size, designed_size = np.ptp(ends, axis=0)[:2], (high - low)[:2]
+    if (np.abs(size - designed_size) > MAX_SIZE_DIFFERENCE_MM).any():
+        raise FabricationError(
+            f"prints an object of {size[0]:.0f} x {size[1]:.0f} mm, and the device measures"
+            f" {designed_size[0]:.0f} x {designed_size[1]:.0f} mm",
+            code="another-object",
+            where=gcode,
+            action="Slice one copy, neither turned nor scaled",
+            size=tuple(size.tolist()),
         )
     shift = find_shift(beads, low, high)
     traces = [

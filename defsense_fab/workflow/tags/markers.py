@@ -296,4 +296,5 @@ def _cord_mouths(device: Device, body: Surface) -> tuple[Float, list[Any]]:
             direction = (end - inner) / np.linalg.norm(end - inner)
             to_skin = cast_ray(end, direction, body)
             mouths.append(end + (to_skin[0] if len(to_skin) else 0.0) * direction)
-    return np.array(mouths, float).reshape(-1, 3), [s.plane for s in sensors]
+    planes = [s.plane for s in sensors] if device.cord.trace is None else []
+    return np.array(mouths, float).reshape(-1, 3), planes

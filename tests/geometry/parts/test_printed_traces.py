@@ -78,7 +78,7 @@ def test_pads_reach_the_skin():
 
 def test_traces_whose_pads_touch_are_refused():
     with raises(FabricationError, "traces-touch", traces=("a", "b")):
-        make(straight("a", -2), straight("b", 2))
+        make(straight("a", -1.9), straight("b", 1.9))
 
 
 def test_a_trace_outside_of_the_body_is_refused():

@@ -203,3 +203,13 @@ def test_fibers_are_part_of_the_structure(block):
     assert len({plain.structure, one.structure, two.structure}) == 3
     assert one.at_rest().structure == one.structure
     assert Loads(block, plain).fibers is None
+
+
+def test_a_trace_along_the_direction_of_printing(block):
+    """A piece that is parallel to the normal has filaments on all sides, too."""
+    path = np.array([[10.0, 0.5, -1.0], [10.0, 0.5, 1.2], [20.0, 0.5, 1.2]])
+    fibers = Fibers.of_trace(path, (0.8, 0.6), np.array([0.0, 0.0, 1.0]), (80.0, 12.0))
+    embedded = EmbeddedFibers(block, fibers)
+    vectors = embedded.vectors(np.zeros((len(block.nodes), 3)))
+    assert np.isfinite(vectors).all()
+    assert embedded.energy(vectors) == pytest.approx(0.0, abs=1e-12)

@@ -69,7 +69,7 @@ def test_a_search_keeps_the_exits(problem, in_space):
     for end, before in ((points[0], points[1]), (points[-1], points[-2])):
         out = (end - before) / np.linalg.norm(end - before)
         hit = surface_queries.cast_ray(end, out, problem.surface)[0]
-        assert BASE.contains(end + hit * out)
+        assert inset(BASE, (end + hit * out)[None])[0][0] > -0.25
 
 
 @pytest.mark.slow

@@ -34,6 +34,12 @@ searches = 1
 """
 
 
+DRAWN = """[[sensors]]
+name = "{}"
+control_points = [[2, 0, 0], [50, 0, 5], [100, 5, 0], [148, 0, 0]]
+"""
+
+
 def write_device(folder, **changes):
     write_bar(folder)
     text = (BAR / "device.toml").read_text(encoding="utf-8")
@@ -140,6 +146,8 @@ def test_a_file_that_is_no_gcode_is_refused(folder):
     [
         ({'"ninjaflex-85a"': '"ecoflex-00-30"'}, "trace-too-stiff"),
         ({'"fdm-tpu"': '"polyjet"'}, "printer-without-second-extruder"),
+        ({"[design]": DRAWN.format("../up") + "\n[design]"}, "name-invalid"),
+        ({"[design]": DRAWN.format("body") + "\n[design]"}, "name-invalid"),
         ({"[fabrication]": '[wires]\nexit = ["bse"]\n\n[fabrication]'}, "unknown-region"),
     ],
 )
