@@ -284,6 +284,9 @@ def _check_traces(declared: DeviceFile, trace: TraceSpec) -> Iterator[Problem]:
             "printer-without-second-extruder",
             "Use a process whose name starts with fdm",
         )
+    if declared.design.planes is not None:
+        text = "printed traces need no planes, as the body is not cut"
+        yield Problem(("design", "planes"), text, "key-not-applicable", "Remove it")
     if declared.body.bay is not None:
         text = "wires reach printed traces at pads on the skin, so a bay is not used"
         yield Problem(("body", "bay"), text, "bay-with-traces", "Remove it")

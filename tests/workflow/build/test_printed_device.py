@@ -146,6 +146,7 @@ def test_a_file_that_is_no_gcode_is_refused(folder):
     [
         ({'"ninjaflex-85a"': '"ecoflex-00-30"'}, "trace-too-stiff"),
         ({'"fdm-tpu"': '"polyjet"'}, "printer-without-second-extruder"),
+        ({"searches = 1": "searches = 1\nplanes = 1"}, "key-not-applicable"),
         ({"[design]": DRAWN.format("../up") + "\n[design]"}, "name-invalid"),
         ({"[design]": DRAWN.format("body") + "\n[design]"}, "name-invalid"),
         ({"[fabrication]": '[wires]\nexit = ["bse"]\n\n[fabrication]'}, "unknown-region"),
