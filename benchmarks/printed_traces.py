@@ -113,9 +113,9 @@ def show_times() -> None:
             ]
             fibers = parts[0] + parts[1] + parts[2]
         changed = [replace(job, conditions=replace(job.conditions, fibers=fibers)) for job in jobs]
-        begun = time.process_time()
+        started_at = time.process_time()
         results = solve_all(mesh, Material.from_spec(device.simulated_material), changed, threads=1)
-        seconds = time.process_time() - begun
+        seconds = time.process_time() - started_at
         factors = sum(e.statistics.factors for r in results for e in r)
         bad = [e.status for r in results for e in r if e.status != "ok"]
         print(
@@ -161,7 +161,7 @@ def compare(name: str, young: float, step: float, edges: list[float], folder: Pa
                     (*setting, None)[3],
                 )
                 fibers = replace(fibers, is_linear=setting[2])
-            ours, shapes, begun = [], [], time.perf_counter()
+            ours, shapes, started_at = [], [], time.perf_counter()
             factors = 0
             for rotation, translation in LOADS.values():
                 result = solve(mesh, rotation, translation, fibers)
@@ -169,7 +169,7 @@ def compare(name: str, young: float, step: float, edges: list[float], folder: Pa
                 moved = locator.displacement(at, result.u[None])[0]
                 ours.append(elongation(path, moved))
                 shapes.append(locator.displacement(surface, result.u[None])[0])
-            seconds = time.perf_counter() - begun
+            seconds = time.perf_counter() - started_at
             error = 100 * (np.array(ours) - signals) / largest
             rms = [
                 np.sqrt(((s - w[on_surface]) ** 2).sum(1).mean())

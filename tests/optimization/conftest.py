@@ -24,6 +24,14 @@ def search(problem, drawn=(), seed=0, **options):
     return optimize_layout(problem, drawn, rng, ignore, LayoutSearch(**options))
 
 
+def check_jacobian(inequalities, x, jacobian):
+    """Compare the derivatives (g, size) of inequalities at x (size,) with finite differences."""
+    for i in range(len(x)):
+        e = 1e-6 * np.eye(len(x))[i]
+        slope = (inequalities(x + e)[0] - inequalities(x - e)[0]) / 2e-6
+        assert jacobian[:, i] == pytest.approx(slope, rel=1e-4, abs=1e-5)
+
+
 @pytest.fixture(scope="module")
 def problem(bar, bar_mesh):
     """Return a problem with exact twists of -45 to 45 degrees at the nodes."""

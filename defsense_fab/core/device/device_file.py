@@ -318,7 +318,7 @@ def _check_cord(
         return
     for number, sensor in enumerate(declared.sensors):
         if sensor.plane is None:
-            text = "a cord lies in a plane, in which the body is cut"
+            text = "a cord needs a plane, in which the body is cut"
             path = ("sensors", number, "plane")
             yield Problem(path, text, "plane-missing", 'Give it, or [cord] process = "printed"')
     lead = 0.0 if fabrication.pockets else fabrication.lead

@@ -52,7 +52,7 @@ class SensorTable(Table, frozen=True):
     plane: Annotated[
         PlaneTable | None,
         key(
-            "Plane in which the cord lies, and along which the body is cut.",
+            "Plane of the cord, along which the body is cut.",
             default="none: a printed trace in space",
         ),
     ] = None
