@@ -35,7 +35,8 @@ from defsense_fab.optimization.problem.cord_parameters import CordParameters
 from defsense_fab.optimization.problem.cord_signals import SignalModel
 from defsense_fab.optimization.problem.objective import Objective
 from defsense_fab.optimization.problem.problem import Problem
-from defsense_fab.optimization.refinement.refine import descend, layout_error, optimize_layout
+from defsense_fab.optimization.refinement.descent import descend
+from defsense_fab.optimization.refinement.refine import layout_error, optimize_layout
 from defsense_fab.optimization.search import baselines
 from defsense_fab.optimization.search.candidate_families import waves_through_body
 from defsense_fab.optimization.search.candidates import build_pool

@@ -351,14 +351,14 @@ class Sensor:
     free: frozenset[str] = frozenset()
 
     def in_space(self) -> Sensor:
-        """Return the sensor with its path in space; a path that is free may then move its ends."""
-        if not self.curve.is_planar:
-            return self
+        """Return the sensor with its path in space; where its plane was free its ends are."""
         points, tangents = (
             self.plane.to_world(self.curve.points),
             self.plane.turn(self.curve.tangents),
         )
-        free = frozenset({"path", "ends"}) if self.free else self.free
+        free = self.free
+        if (free and self.curve.is_planar) or not free.isdisjoint(PLANE_FREEDOMS):
+            free = frozenset({"path", "ends"})
         return replace(self, plane=REST_FRAME, curve=Hermite(points, tangents), free=free)
 
 

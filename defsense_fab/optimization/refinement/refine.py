@@ -3,51 +3,42 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
-from ...core.arrays import Float
 from ...core.curve import distinct_planes, sample_path
 from ...core.device.device import Sensor
 from ...core.errors import LayoutError
 from ...core.progress import Report, subrange
-from ..limits.constraints import MARGIN_MM, Constraints
 from ..limits.thin_parts import ThinParts
 from ..limits.verification import verify
-from ..problem.cord_kinematics import place_cord
-from ..problem.cord_parameters import (
-    CordParameters,
-    independent_parameters,
-    round_layout,
-    shared_parameters,
-)
-from ..problem.objective import Objective, QuadraticModel
+from ..problem.cord_parameters import round_layout
 from ..problem.problem import Problem
+from ..search.candidates import Pool
+from ..search.exchange import exchanged_layouts
 from ..search.starting_layouts import (
     Layout,
     LayoutSearch,
     candidate_choices,
+    family_pool,
     no_room_error,
     select_starts,
 )
-from .sqp import minimize
+from .descent import MAX_MARGIN_USE_MM, descend, jitter
 
 #: Called with a layout and its expected RMSE, mm.
 LayoutCallback = Callable[[Layout, float], None]
 
 _SHORT_ITERATIONS, _LONG_ITERATIONS = 15, 40  # of the first descents, and of the final ones
-MIN_SPARSE_SIZE = 150  # parameters of all cords from which sparse products are faster
 _MOVED_LIFTS = 2  # copies of a planar layout that start in space from other places
+_EXCHANGES = 6  # pools of candidates that replace a cord of the best layout in space
+_EXCHANGE_TRIES = 4  # exchanges tried from each pool
 _FINISH_ROUNDS = 3  # descents in a row that finish a layout, at most
 _SHORT_TOLERANCE, _FINISH_TOLERANCE = 1e-3, 2e-4  # smallest relative gain per iteration
 _CONVERGENCE_RTOL = 2e-3  # relative gain of a descent below which a layout is finished
-#: Part of the limits' margin that a descent may use up; the rest covers what samples miss.
-MAX_MARGIN_USE_MM = 0.6 * MARGIN_MM
 
 
 class Cancelled(Exception):
@@ -118,7 +109,8 @@ def optimize_layout(
     Thousands of candidates for each cord are screened, and several layouts are selected from random
     shares of them. With a limit on planes and no extra cords, randomly moved copies of the drawing
     take their place. All of them and the drawing take a short descent, and the best continue until
-    they converge. A search in space continues from the best planar layout. Only layouts that pass
+    they converge. A search in space continues from the best planar layout and from candidates in
+    space. Only layouts that pass
     an independent check compete, and one whose planes leave slivers loses to any that leaves none.
     Cords that are selected in one plane stay in it.
 
@@ -153,14 +145,22 @@ def optimize_layout(
     errors: list[float] = []
     try:
         show = subrange(report, 0.0, 0.25)
-        layouts = _start_layouts(problem, drawn, search, rng, show, best)
+        layouts = _start_layouts(problem, drawn, replace(search, in_space=False), rng, show, best)
         initial = initial or (round_layout(layouts[0]) if layouts else ())
         show = subrange(report, 0.25, 0.5 if search.in_space else 1.0)
         errors.extend(_improve(problem, layouts, search.finalists, best, show, follow))
         if search.in_space and best.layout:
-            lifted = _lift(best.layout, rng)
-            show = subrange(report, 0.5, 1.0)
-            errors.extend(_improve(problem, lifted, search.finalists, best, show, follow))
+            show = subrange(report, 0.5, 0.6)
+            layouts = _start_layouts(problem, drawn, search, rng, show, best)
+            layouts = [*_lift(best.layout, rng), *(_in_space(layout) for layout in layouts)]
+            show = subrange(report, 0.6, 0.8)
+            errors.extend(_improve(problem, layouts, search.finalists, best, show, follow))
+            pools = (
+                family_pool(problem, search.candidates, rng, search.normals, in_space=True)
+                for _ in range(_EXCHANGES)
+            )
+            show = subrange(report, 0.8, 1.0)
+            errors.extend(_exchange(problem, pools, best, show, follow))
         report(1.0, f"best {best.rank[1]:.3g} mm")
     except Cancelled:
         if not best.layout:
@@ -212,101 +212,6 @@ def improve_layout(
     return OptimizedLayout(best.layout, *best.rank[::-1], (error,), sensors)
 
 
-def jitter(layout: Layout, rng: np.random.Generator, *, tied: bool) -> Layout:
-    """Move a layout slightly at random, because symmetric drawings are saddle points.
-
-    Args:
-        layout: The layout.
-        rng: Random generator.
-        tied: Keep cords that share a plane in one plane; otherwise each moves independently.
-    """
-    cords, spread = shared_parameters(layout) if tied else independent_parameters(layout)
-    return _apply_parameters(cords, spread @ rng.normal(0, 1.5, spread.shape[1]), layout)
-
-
-def descend(
-    problem: Problem,
-    sensors: Layout,
-    iterations: int,
-    tolerance: float,
-    slivers: ThinParts,
-    show: Callable[[float, float], None],
-    forgiven: float = MAX_MARGIN_USE_MM,
-    follow: Callable[[Layout, float], None] | None = None,
-) -> Layout:
-    """Descend from a layout; coplanar cords stay coplanar, and no slivers appear.
-
-    Args:
-        problem: The problem.
-        sensors: The layout to start from.
-        iterations: Largest number of iterations.
-        tolerance: Stop when an iteration gains a smaller share of the squared error.
-        slivers: Detector of slivers.
-        show: Called after each step with the share of iterations done and the squared error.
-        forgiven: Part of the limits' margin (mm) that may be used up if the layout does so.
-        follow: Called after each step with the layout and its expected RMSE (mm).
-    """
-    program = _LayoutProgram(problem, sensors, slivers)
-    if not program.size:  # nothing is free, as when a locked cord holds the plane
-        return sensors
-
-    def on_step(y: Float, value: float, share: float) -> None:
-        show(share, value)
-        if follow is not None:
-            follow(program.layout(y), float(np.sqrt(value)))
-
-    start = np.zeros(program.size)
-    minimum = minimize(
-        program, start, iterations, tolerance=tolerance, loosest=forgiven, on_step=on_step
-    )
-    return program.layout(minimum.x)
-
-
-class _LayoutProgram:
-    """The error and the limits of a layout as functions of its free parameters."""
-
-    def __init__(self, problem: Problem, layout: Layout, slivers: ThinParts) -> None:
-        self._layout, self._slivers = layout, slivers
-        self._cords, spread = shared_parameters(layout)
-        # It has a single 1 in each row; on few parameters dense products are faster.
-        self._spread: Any = sp.csr_array(spread) if len(spread) > MIN_SPARSE_SIZE else spread
-        self.size = spread.shape[1]
-        self._objective = Objective(problem, self._cords)
-        self._constraints = Constraints(problem.surface, problem.depth, problem.limits, self._cords)
-        self._is_guarded = not slivers(layout)
-
-    def model(self, y: Float) -> QuadraticModel:
-        by, at = self._spread.T, self._objective.model(self._spread @ y)
-        return QuadraticModel(at.value, by @ at.gradient, by @ (by @ at.hessian).T)
-
-    def value(self, y: Float) -> float:
-        return self._objective.value(self._spread @ y)
-
-    def inequalities(self, y: Float) -> tuple[Float, Float]:
-        room, rows = self._constraints(self._spread @ y)
-        if sp.issparse(self._spread):
-            return room, (sp.csr_array(rows) @ self._spread).toarray()
-        return room, rows @ self._spread
-
-    def guard(self, y: Float, trial: Float) -> tuple[Float, Float] | None:
-        """Return inequalities against a sliver that a trial causes, or None."""
-        if not self._is_guarded:
-            return None
-        limits = self._slivers.guard(self._cords, self._spread @ y, self._spread @ trial)
-        return None if limits is None else (limits[0], limits[1] @ self._spread)
-
-    def layout(self, y: Float) -> Layout:
-        """Return the layout at parameters y (size,)."""
-        return _apply_parameters(self._cords, self._spread @ y, self._layout)
-
-
-def _apply_parameters(cords: Sequence[CordParameters], x: Float, layout: Layout) -> Layout:
-    """Return the layout with its cords at parameters x (size,), as free as before."""
-    parts = np.split(x, np.cumsum([c.size for c in cords[:-1]]))
-    moved = zip(cords, parts, layout, strict=True)
-    return tuple(replace(place_cord(c, part).sensor(), free=s.free) for c, part, s in moved)
-
-
 def _start_layouts(
     problem: Problem,
     drawn: Layout,
@@ -330,8 +235,12 @@ def _start_layouts(
 
 def _lift(layout: Layout, rng: np.random.Generator) -> list[Layout]:
     """Return copies of a layout in space, some moved, as symmetry gives saddle points."""
-    lifted = tuple(s.in_space() for s in layout)
+    lifted = _in_space(layout)
     return [lifted, *(jitter(lifted, rng, tied=False) for _ in range(_MOVED_LIFTS))]
+
+
+def _in_space(layout: Layout) -> Layout:
+    return tuple(s.in_space() for s in layout)
 
 
 def _improve(
@@ -368,6 +277,30 @@ def _improve(
         description = f"finishing {n + 1} of {finalists}"
         show = partial(_report_value, subrange(report, low, high), description)
         yield _finish(problem, short[i], best, show, follow)
+
+
+def _exchange(
+    problem: Problem,
+    pools: Iterable[Pool],
+    best: _Best,
+    report: Report,
+    follow: LayoutCallback | None,
+) -> Iterator[float]:
+    """Descend from the best layout with one cord replaced; yield the error (mm) of each.
+
+    A pool is left with the first layout that is better, as the others are next to cords that are
+    no longer there.
+    """
+    for n, pool in enumerate(pools):
+        show = partial(
+            _report_value, subrange(report, n / _EXCHANGES, (n + 1) / _EXCHANGES), "exchange of one"
+        )
+        before = best.rank
+        trials = exchanged_layouts(problem, best.layout, pool)
+        for layout in itertools.islice(trials, _EXCHANGE_TRIES):
+            yield _finish(problem, layout, best, show, follow)
+            if best.rank < before:
+                break
 
 
 def _drop_duplicates(ranked: Sequence[int], errors: Sequence[float]) -> list[int]:

@@ -22,6 +22,7 @@ LEAD_MM = 8.0  # straight start of a path
 _PROBE_SAMPLES = 16  # of a path, to keep waves away from the surface
 _SPREADS = (0.05, 0.15, 0.5)  # standard deviations of directions about an axis
 _KNOTS = 8  # control points of a path through the body
+_PLANAR_SHARE = 0.2  # of the candidates in space
 
 
 def vary_sensor(
@@ -117,6 +118,28 @@ def waves_in_plane(
     normal = np.broadcast_to(plane.normal, direction.shape)
     axes = np.stack([direction, np.cross(normal, direction), normal], axis=2)
     return _add_waves(problem, middle, direction, axes, rng)
+
+
+def lift_into_space(
+    problem: Problem, batch: CandidateBatch, rng: np.random.Generator
+) -> CandidateBatch:
+    """Give planar candidates waves along the normals of their planes, some of them helices.
+
+    Waves are up to half the body's width high, and reduced where they would turn too tightly or
+    come too close to the surface. A fifth of the candidates stays planar.
+
+    Args:
+        problem: The problem.
+        batch: The candidates.
+        rng: Random generator.
+    """
+    count, knots = batch.points.shape[:2]
+    size = np.where(rng.random(count) < _PLANAR_SHARE, 0.0, rng.uniform(0, 1, count))
+    size *= _body_width(problem) / 2
+    waves = _waves(count, knots, rng)
+    for _ in range(2):
+        size *= _room_for_waves(problem, batch.lifted(waves, size))
+    return batch.lifted(waves, size)
 
 
 def straight_batch(
@@ -228,12 +251,17 @@ def _add_waves(
     size = rng.uniform(0, 1, len(paths)) * _body_width(problem) / 2
     waves = _waves(len(paths), _KNOTS, rng)
     for _ in range(2):
-        batch = paths.waved(waves, size)
-        bend = np.abs(curvature(batch.points, batch.tangents, 6)).max(axis=1)
-        tight = 0.9 / np.maximum(bend * problem.limits.min_radius, 0.9)
-        near = problem.grid(batch.paths(_PROBE_SAMPLES)[:, 2:-2]).min(axis=1) < problem.limits.depth
-        size = size * np.where(near, 0.5, 1) * tight
+        size *= _room_for_waves(problem, paths.waved(waves, size))
     return paths.waved(waves, size)
+
+
+def _room_for_waves(problem: Problem, batch: CandidateBatch) -> Float:
+    """Return by which factors (c,) to reduce waves that turn too tightly or leave the body."""
+    bend = np.abs(curvature(batch.points, batch.tangents, 6)).max(axis=1)
+    near = problem.grid(batch.paths(_PROBE_SAMPLES)[:, 2:-2]).min(axis=1) < problem.limits.depth
+    return np.asarray(
+        np.where(near, 0.5, 1.0) * 0.9 / np.maximum(bend * problem.limits.min_radius, 0.9)
+    )
 
 
 def _sample_lines(

@@ -90,6 +90,25 @@ class CandidateBatch:
         tangents[moved, 1:-1] = catmull_rom(points[moved])[:, 1:-1]
         return replace(self, points=points, tangents=tangents)
 
+    def lifted(self, waves: Float, size: Float) -> CandidateBatch:
+        """Add waves along the normals of planar paths, which gives paths in space.
+
+        The first and last two control points and the end tangents stay.
+
+        Args:
+            waves: Waves (c, k) at the control points.
+            size: Their sizes (c,) mm.
+        """
+        height = np.zeros((*self.points.shape[:2], 1))
+        height[:, 2:-2, 0] = (waves * size[:, None])[:, 2:-2]
+        slope = catmull_rom(height)
+        slope[:, [0, -1]] = 0
+        return replace(
+            self,
+            points=np.concatenate([self.points, height], axis=2),
+            tangents=np.concatenate([self.tangents, slope], axis=2),
+        )
+
     def take(self, which: Int) -> CandidateBatch:
         """Return the candidates of the given numbers."""
         arrays = (self.origins, self.axes, self.points, self.tangents)
@@ -223,7 +242,8 @@ class Pool:
         """Return candidate `i` with the given name and freedom."""
         for batch in self.batches:
             if i < len(batch):
-                return replace(batch.sensor(i), name=name, free=free)
+                found = replace(batch.sensor(i), name=name, free=free)
+                return found if found.curve.is_planar else found.in_space()
             i -= len(batch)
         raise IndexError(i)
 

@@ -16,7 +16,13 @@ from ...core.progress import Report
 from ..limits.polyline_distance import path_gaps
 from ..limits.thin_parts import ThinParts
 from ..problem.problem import Problem
-from .candidate_families import there_and_back, vary_sensor, waves_in_plane, waves_through_body
+from .candidate_families import (
+    lift_into_space,
+    there_and_back,
+    vary_sensor,
+    waves_in_plane,
+    waves_through_body,
+)
 from .candidates import CandidateBatch, Pool, build_pool
 from .exit_loops import loops_from_exits
 
@@ -72,7 +78,7 @@ def select_candidates(
             for k in numbers[best].tolist():
                 if k == chosen[slot]:
                     break  # better candidates do not keep the clearance
-                if all(_keeps_clearance(pool.paths[k], line, clearance) for line in lines) and (
+                if all(keeps_clearance(pool.paths[k], line, clearance) for line in lines) and (
                     allowed is None or allowed({**{i: int(chosen[i]) for i in others}, slot: k})
                 ):
                     chosen[slot] = k
@@ -85,7 +91,7 @@ def select_candidates(
     return chosen
 
 
-def _keeps_clearance(path: Float, other: Float, clearance: float) -> bool:
+def keeps_clearance(path: Float, other: Float, clearance: float) -> bool:
     """Return whether the path (p, 3) keeps `clearance` from the path (q, 3)."""
     slack = np.linalg.norm(np.diff(other, axis=0), axis=1).max() / 4
     low, high = other.min(0) - clearance - slack, other.max(0) + clearance + slack
@@ -95,13 +101,16 @@ def _keeps_clearance(path: Float, other: Float, clearance: float) -> bool:
 
 
 Layout = tuple[Sensor, ...]
+#: Makes a number of planar candidates, whose planes have given normals or any.
+Family = Callable[[Problem, int, np.random.Generator, Float | None], CandidateBatch]
 FREE = frozenset({"path", "plane"})
 _ALIGNED = frozenset({"path", "offset"})
 _START_SHARE = 0.3  # of the candidates, so that starts differ
 _MAX_PLANE_TRIES = 5  # sets of planes tried for a start
 _PLANE_CANDIDATES = 3000  # per plane
 _ROOM_CANDIDATES = 2000  # to find how many cords the body has room for
-_SAMPLING_MARGIN_MM = 0.1  # added to the clearance for what coarse samples miss
+#: Added to the clearance for what coarse samples miss.
+SAMPLING_MARGIN_MM = 0.1
 
 
 @dataclass(frozen=True)
@@ -117,7 +126,7 @@ class LayoutSearch:
         starts: Number of layouts to descend from.
         finalists: Number of descents that continue until they converge.
         candidates: Number of candidates per cord.
-        in_space: Whether descents continue with paths in space, which needs no plane.
+        in_space: Whether paths may leave planes.
     """
 
     extra: int = 0
@@ -176,7 +185,7 @@ def candidate_choices(
         planes is None and FREE in {s.free for s in drawn}
     )
     families = (
-        _family_pool(problem, search.candidates, rng, normals)
+        family_pool(problem, search.candidates, rng, normals, search.in_space)
         if needs_families
         else Pool.empty(problem)
     )
@@ -200,30 +209,35 @@ def candidate_choices(
         if needs_families and not len(families):
             raise no_room_error(problem, len(drawn) + extra)
         used = {s.name for s in drawn}
-        word = "trace" if search.in_space else "cord"
+        word = "cord" if problem.limits.is_cut else "trace"
         names = (f"{word}-{i}" for i in range(1, len(drawn) + extra + 1 + len(used)))
         new_names = [n for n in names if n not in used][:extra]
         out += [CordChoices(n, free, families) for n in new_names]
     return out
 
 
-def _family_pool(
-    problem: Problem, count: int, rng: np.random.Generator, normals: Float | None
+def family_pool(
+    problem: Problem,
+    count: int,
+    rng: np.random.Generator,
+    normals: Float | None = None,
+    in_space: bool = False,
 ) -> Pool:
     """Build candidates of all families; several makers of one family use several cores.
 
     Most cords that keep to given exits go out and come back.
     """
+    families: list[Family] = [*4 * [waves_through_body], there_and_back]
+    share = count // 4
     if problem.limits.exits:
-        *loops, last = rng.spawn(9)
-        makers = [partial(loops_from_exits, problem, count // 2, r, normals) for r in loops]
-        return build_pool(
-            problem, [*makers, partial(waves_through_body, problem, count // 2, last, normals)]
-        )
-    *four, last = rng.spawn(5)
-    makers = [partial(waves_through_body, problem, count // 4, r, normals) for r in four]
-    back = partial(there_and_back, problem, count // 4, last, normals)
-    return build_pool(problem, [*makers, back])
+        families, share = [*8 * [loops_from_exits], waves_through_body], count // 2
+
+    def make(family: Family, r: np.random.Generator) -> CandidateBatch:
+        batch = family(problem, share, r, normals)
+        return lift_into_space(problem, batch, r) if in_space else batch
+
+    rngs = rng.spawn(len(families))
+    return build_pool(problem, [partial(make, f, r) for f, r in zip(families, rngs, strict=True)])
 
 
 def no_room_error(problem: Problem, count: int) -> LayoutError:
@@ -261,8 +275,8 @@ def no_room_error(problem: Problem, count: int) -> LayoutError:
 
 def _count_that_fits(problem: Problem, count: int) -> int:
     """Return for how many of `count` cords greedy selection finds room."""
-    pool = _family_pool(problem, _ROOM_CANDIDATES, np.random.default_rng(0), None)
-    clearance = problem.limits.clearance + _SAMPLING_MARGIN_MM
+    pool = family_pool(problem, _ROOM_CANDIDATES, np.random.default_rng(0))
+    clearance = problem.limits.clearance + SAMPLING_MARGIN_MM
     chosen = select_candidates([pool] * count, problem.expected_error, clearance, rounds=0)
     return int((chosen >= 0).sum())
 
@@ -359,7 +373,7 @@ def _select(
         chosen = select_candidates(
             [c.pool for c in cords],
             problem.expected_error,
-            problem.limits.clearance + _SAMPLING_MARGIN_MM,
+            problem.limits.clearance + SAMPLING_MARGIN_MM,
             some=some,
             settled=[c.settled for c in cords],
             allowed=allowed,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.optimization.problem.cord_parameters import FRAME_SIZE, shared_parameters
-from defsense_fab.optimization.refinement.refine import jitter
+from defsense_fab.optimization.refinement.descent import jitter
 
 
 @pytest.mark.parametrize("free", [("path", "offset"), ("offset",)])

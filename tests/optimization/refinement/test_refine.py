@@ -22,8 +22,9 @@ from defsense_fab.optimization.problem.cord_kinematics import place_cord
 from defsense_fab.optimization.problem.cord_parameters import CordParameters
 from defsense_fab.optimization.problem.cord_signals import SignalModel
 from defsense_fab.optimization.problem.objective import Objective
-from defsense_fab.optimization.refinement import refine
-from defsense_fab.optimization.refinement.refine import descend, layout_error, optimize_layout
+from defsense_fab.optimization.refinement import descent
+from defsense_fab.optimization.refinement.descent import descend
+from defsense_fab.optimization.refinement.refine import layout_error, optimize_layout
 from defsense_fab.optimization.search.candidate_families import vary_sensor
 from defsense_fab.optimization.search.candidates import Pool
 from defsense_fab.optimization.search.starting_layouts import LayoutSearch, select_candidates
@@ -383,7 +384,7 @@ def test_results_of_descents_keep_the_limits(problem, straight, seed):
 def test_sparse_products_do_not_change_a_descent(problem, straight, monkeypatch):
     drawn = (straight("a", y=-5.0), straight("b", y=5.0))  # in one plane
     dense = descend(problem, drawn, 5, 1e-6, ThinParts(problem), ignore)
-    monkeypatch.setattr(refine, "MIN_SPARSE_SIZE", 0)
+    monkeypatch.setattr(descent, "MIN_SPARSE_SIZE", 0)
     sparse = descend(problem, drawn, 5, 1e-6, ThinParts(problem), ignore)
     for one, other in zip(dense, sparse, strict=True):
         assert sample_path(one) == pytest.approx(sample_path(other), abs=1e-6)
