@@ -74,13 +74,28 @@ class TraceSection:
         Returns:
             Multiples (p - 1,) of that of a level trace.
         """
+        along, between = self.resistance_shares(path)
+        return along + self.between_layers * between
+
+    def resistance_shares(self, path: Float) -> tuple[Float, Float]:
+        """Return the parts of the resistance along beads and between layers.
+
+        Args:
+            path: Points (p, 3), mm.
+
+        Returns:
+            For each segment (p - 1,) the resistance per length along beads, and that between
+            layers if these conducted as well as beads, as multiples of that of a level trace.
+        """
         step = np.diff(path, axis=0)
         rise = np.abs(step @ self.up) / np.maximum(np.linalg.norm(step, axis=1), 1e-12)
         rise = np.minimum(rise, 1.0)
         level = np.sqrt(1 - rise**2)
         area = self.height * level + np.pi / 4 * self.width * rise
-        resistivity = level**2 + self.between_layers * rise**2
-        return np.asarray(resistivity * self.height / area)
+        return (
+            np.asarray(level**2 * self.height / area),
+            np.asarray(rise**2 * self.height / area),
+        )
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -104,19 +104,11 @@ def make_printed(
     hollows += [(fill_region(shape, KEPT_SPACING_MM), KEPT_SPACING_MM) for shape in rules.kept]
     seats = engraving.place_seats(surface, rules.seats, rules.tag, hollows, rules.wall, [])
     flat = triangle_kernel.cut_out(body, [t for s in seats for t in s.tools])
-    solids = [_make_trace(c, shape) ^ flat for c in channels]
-    for (a, one), (b, other) in itertools.combinations(zip(channels, solids, strict=True), 2):
-        if float((one ^ other).volume()) > _MAX_OVERLAP_MM3:
-            raise FabricationError(
-                f"touches trace {b.name!r}, pads included",
-                code="traces-touch",
-                where=f"trace {a.name!r}",
-                action="Move their ends apart",
-                traces=(a.name, b.name),
-            )
-    report(0.6, "cutting traces out of the body")
-    whole, left_out = _drop_slivers(flat - triangle_kernel.union(solids))
-    traces = tuple(_make_part(c.name, s, shape.up) for c, s in zip(channels, solids, strict=True))
+    report(0.3, "cutting traces out of the body")
+    outward = [np.stack([end.out for end in c.ends]) for c in channels]
+    swept = {c.name: make_trace(c.inside, o, shape) for c, o in zip(channels, outward, strict=True)}
+    whole, solids, left_out = cut_traces_out(flat, swept)
+    traces = tuple(_make_part(name, solid, shape.up) for name, solid in solids.items())
     part = _make_part("1-whole", whole, shape.up)
     bodies = (whole,)
     part_set = PartSet(
@@ -138,14 +130,45 @@ def make_printed(
     return replace(part_set, traces=traces)
 
 
-def _make_trace(channel: Channel, shape: TraceShape) -> Any:
-    """Return a trace that reaches out of the body, with a pad at each end."""
-    ends = [
-        end.mouth + np.array([-PAD_DEPTH_MM, _OUTSIDE_MM])[:, None] * end.out
-        for end in channel.ends
-    ]
-    line = np.concatenate([ends[0][::-1][:1], channel.inside, ends[1][1:]])
-    solids = [sweep_trace(line, shape)]
+def cut_traces_out(body: Any, traces: Mapping[str, Any]) -> tuple[Any, dict[str, Any], float]:
+    """Divide a body into its traces and the rest.
+
+    Args:
+        body: Solid (manifold3d) of the body.
+        traces: Solids that reach out of the body, by name.
+
+    Returns:
+        The body without traces, the traces cut flush with its skin, and the volume (mm^3) of
+        slivers that are left out as voids.
+
+    Raises:
+        FabricationError: Traces touch, or cut the body in pieces.
+    """
+    solids = {name: trace ^ body for name, trace in traces.items()}
+    for (a, one), (b, other) in itertools.combinations(solids.items(), 2):
+        if float((one ^ other).volume()) > _MAX_OVERLAP_MM3:
+            raise FabricationError(
+                f"touches trace {b!r}, pads included",
+                code="traces-touch",
+                where=f"trace {a!r}",
+                action="Move their ends apart",
+                traces=(a, b),
+            )
+    whole, left_out = _drop_slivers(body - triangle_kernel.union(list(solids.values())))
+    return whole, solids, left_out
+
+
+def make_trace(line: Float, outward: Float, shape: TraceShape) -> Any:
+    """Return a trace that reaches out of the body, with a pad at each end.
+
+    Args:
+        line: Center line (p, 3) from skin to skin, mm.
+        outward: Unit vectors (2, 3) out of the body at both ends.
+        shape: Section of the trace.
+    """
+    reach = np.array([-PAD_DEPTH_MM, _OUTSIDE_MM])[:, None]
+    ends = [mouth + reach * out for mouth, out in zip(line[[0, -1]], outward, strict=True)]
+    solids = [sweep_trace(np.concatenate([ends[0][1:], line, ends[1][1:]]), shape)]
     for low, high in ends:
         height = float(np.linalg.norm(high - low))
         pad = m3.Manifold.cylinder(height, PAD_DIAMETER_MM / 2, PAD_DIAMETER_MM / 2, 2 * _SIDES)
