@@ -27,7 +27,7 @@ from .device_tables import (
     WiresTable,
 )
 from .fabrication_table import FabricationTable
-from .filaments import TraceSpec
+from .filaments import TraceSpec, has_second_extruder
 from .material_table import MaterialTable
 from .materials import find_silicone
 from .pose_tables import PoseTable, StatesTable, check_pose_names, repeated_states
@@ -277,7 +277,7 @@ def _check_agreement(declared: DeviceFile) -> Iterator[Problem]:
 def _check_traces(declared: DeviceFile, trace: TraceSpec) -> Iterator[Problem]:
     """Yield problems of traces that cannot be printed as [fabrication] and [body] state."""
     row = declared.fabrication.row
-    if not row["name"].startswith("fdm"):
+    if not has_second_extruder(row["name"]):
         yield Problem(
             ("fabrication", "process"),
             f"printed traces need a printer with two extruders, and {row['name']!r} has none",

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device.device import Device
+from ...core.device.device import Device, FabricationSpec
 from ...core.device.filaments import read_filaments
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
@@ -92,14 +93,34 @@ def write_printed(
     for trace in parts.traces:
         write_stl(trace.surface, out / f"{trace.name}.stl")
         solids.append(ColoredSolid(trace.name, lie(trace.surface), 2, is_trace=True))
-    write_prusa_3mf(solids, out / PRUSA_3MF, device.name)
-    write_bambu_3mf(solids, out / BAMBU_3MF, device.name)
-    write_material_3mf(solids, out / MATERIAL_3MF, device.name)
-    f = device.fabrication
-    settings = TraceSettings(nozzle_mm=(f.line, f.line), layer_mm=f.layer, bed_mm=(bed[0], bed[1]))
-    write_prusa_settings(settings, out / SETTINGS)
+    files = write_slicer_files(solids, device.fabrication, out, device.name)
     plate = Plate(PRUSA_3MF, {s.name: s.surface.bounds for s in solids})
-    return (plate,), (PRUSA_3MF, BAMBU_3MF, MATERIAL_3MF)
+    return (plate,), files
+
+
+def write_slicer_files(
+    solids: Sequence[ColoredSolid], fabrication: FabricationSpec, out: Path, title: str
+) -> tuple[str, ...]:
+    """Write one object of several solids as 3MF files, and settings for PrusaSlicer.
+
+    Args:
+        solids: The solids, where they are on the bed.
+        fabrication: Printer with two extruders.
+        out: Folder of the files.
+        title: Name of the object.
+
+    Returns:
+        Names of the 3MF files.
+    """
+    write_prusa_3mf(solids, out / PRUSA_3MF, title)
+    write_bambu_3mf(solids, out / BAMBU_3MF, title)
+    write_material_3mf(solids, out / MATERIAL_3MF, title)
+    f = fabrication
+    settings = TraceSettings(
+        nozzle_mm=(f.line, f.line), layer_mm=f.layer, bed_mm=(f.bed[0], f.bed[1])
+    )
+    write_prusa_settings(settings, out / SETTINGS)
+    return PRUSA_3MF, BAMBU_3MF, MATERIAL_3MF
 
 
 def trace_records(
