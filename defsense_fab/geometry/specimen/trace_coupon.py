@@ -1,8 +1,9 @@
 """Make the coupon of printed traces, whose resistances determine the filament's resistivities.
 
 A block of rows side by side has a trace in each. Level traces of several lengths separate the
-resistivity along beads from the resistance of the pads. A sloping and an upright trace add the
-resistivity between layers. A wide trace shows whether resistance is inverse to the section.
+resistivity along beads from the resistance of the pads, and two upright ones add that between
+layers. A wide trace shows whether resistance is inverse to the section, and a sloping one whether
+the two resistivities predict traces that rise.
 
 Rows run along x from 0, are stacked along y, and stand on z = 0. All traces meet the skin at right
 angles, as their pads are discs of one size.
@@ -24,6 +25,7 @@ from .trace_lines import PAD_SPACING_MM, TraceLine, straight_trace
 LONG_MM, MIDDLE_MM, SHORT_MM = 60.0, 30.0, 12.0
 WIDE_LENGTH_MM, WIDE_FACTOR = 40.0, 2.0  # length of the wide trace; its width in usual widths
 RISE_MM, STUB_MM = 10.0, 2.5  # of the sloping trace: height at 45 degrees; level ends
+SLOPE = "slope"  # name of the sloping trace
 LABEL_MM, ENGRAVING_DEPTH_MM = 4.0, 0.6  # size of the numbers on the rows
 
 
@@ -69,22 +71,20 @@ def coupon_rows(width: float, height: float, layer: float, pad: float) -> list[C
         trace = straight_trace(name, (0.0, y, low), (length, y, low), w, height)
         box = ((0.0, n * pitch, 0.0), (length, pitch, flat))
         rows.append(CouponRow(trace, *box, (length / 2, y, flat)))
-    n = len(level)
-    y, length = (n + 0.5) * pitch, RISE_MM + 2 * STUB_MM
-    x, z = np.cumsum([0.0, STUB_MM, RISE_MM, STUB_MM]), (low, low, low + RISE_MM, low + RISE_MM)
-    points = np.stack([x, np.full(4, y), z], axis=1)
+    length = RISE_MM + 2 * STUB_MM
+    for n, (name, z) in enumerate((("upright-low", flat), ("upright", tall)), len(level)):
+        x, y = length - pad / 2 - PAD_SPACING_MM, (n + 0.5) * pitch
+        trace = straight_trace(name, (x, y, 0.0), (x, y, z), width, height)
+        box = ((0.0, n * pitch, 0.0), (length, pitch, z))
+        rows.append(CouponRow(trace, *box, ((x - pad / 2) / 2, y, z)))
+    n, y = len(rows), (len(rows) + 0.5) * pitch
+    corners = np.cumsum([0.0, STUB_MM, RISE_MM, STUB_MM])
+    heights = (low, low, low + RISE_MM, low + RISE_MM)
+    points = np.stack([corners, np.full(4, y), heights], axis=1)
     ends = np.array([[-1.0, 0, 0], [1.0, 0, 0]])
+    slope = TraceLine(SLOPE, points, ends, width, height)
     box = ((0.0, n * pitch, 0.0), (length, pitch, tall))
-    rows.append(
-        CouponRow(
-            TraceLine("slope", points, ends, width, height), *box, (length / 2 - 1.0, y, tall)
-        )
-    )
-    n, y = n + 1, y + pitch
-    x = length - pad / 2 - PAD_SPACING_MM
-    upright = straight_trace("upright", (x, y, 0.0), (x, y, tall), width, height)
-    box = ((0.0, n * pitch, 0.0), (length, pitch, tall))
-    rows.append(CouponRow(upright, *box, ((x - pad / 2) / 2, y, tall)))
+    rows.append(CouponRow(slope, *box, (length / 2 - 1.0, y, tall)))
     return rows
 
 

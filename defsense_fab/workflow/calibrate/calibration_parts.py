@@ -137,9 +137,7 @@ def write_specimen(
     return write_prints(folder, parts, data, SPECIMEN_FILE)
 
 
-def choose_offset(
-    offset: float | None, height: float, printer: Printer
-) -> tuple[float, list[str]]:
+def choose_offset(offset: float | None, height: float, printer: Printer) -> tuple[float, list[str]]:
     """Return the distance of the outer cords or traces from bottom and top.
 
     Args:
@@ -196,7 +194,9 @@ def check_radii(radii: Sequence[float]) -> None:
         )
 
 
-def describe_specimen(specimen: Specimen, radii: Sequence[float], warnings: list[str]) -> dict[str, Any]:
+def describe_specimen(
+    specimen: Specimen, radii: Sequence[float], warnings: list[str]
+) -> dict[str, Any]:
     """Return the content of `specimen.json`.
 
     Args:

@@ -99,6 +99,27 @@ class TableOptions:
 
 
 @dataclass(frozen=True)
+class ResistivityOptions:
+    """Measured resistances of a coupon of printed traces.
+
+    Attributes:
+        ohm: Set the resistance of each trace in ohm, in the order of the engraved numbers.
+        readings: Set a table with the columns trace and resistance (ohm); rows may repeat.
+        spread: Set the standard deviation of a reading in percent that printing and meter cause.
+
+    Raises:
+        CalibrationError: A value is not valid.
+    """
+
+    ohm: tuple[Resistance, ...] | None = None
+    readings: Path | None = None
+    spread: Annotated[float, Meta(ge=0.1, le=50)] = FitOptions.spread  # as between specimens
+
+    def __post_init__(self) -> None:
+        check_options(self, CalibrationError)
+
+
+@dataclass(frozen=True)
 class ReferenceOptions:
     """How the reference resistors of a read-out board are measured.
 

@@ -89,9 +89,7 @@ def check_gcode(
     return compare_print(design, gcode, tool)
 
 
-def check_calibration_gcode(
-    folder: Path, gcode: Path, tool: int = CONDUCTIVE_TOOL
-) -> CheckedPrint:
+def check_calibration_gcode(folder: Path, gcode: Path, tool: int = CONDUCTIVE_TOOL) -> CheckedPrint:
     """Compare the beads of a sliced print with the traces of a specimen or coupon.
 
     Args:
