@@ -3,7 +3,7 @@
 #include "kernels.h"
 
 #define MIN_LENGTH_MM 1e-300 /* added to lengths: coincident points have zero derivatives */
-#define LEVEL_SLOPE 1e-9     /* below, a segment is level: rounding does not decide which way it rises */
+#define LEVEL_SLOPE 0.1      /* below, a trace is printed in steps of less than a layer over its width */
 
 /* For each corner of a tet, the nodes on its three edges and the corners at their other ends. */
 static const int ON_EDGES[4][3] = {{4, 6, 7}, {4, 5, 8}, {5, 6, 9}, {7, 8, 9}};
@@ -91,8 +91,8 @@ static inline double segment_length(const double *points, int64_t p)
 /* Return the length of level trace that conducts like a segment of a printed trace, and fill its
    derivatives (3) by the segment's end. A segment that rises by `rise` over a level distance `level`
    has the length l, the area height * level / l + pi/4 width * rise / l, and the resistivity
-   (level^2 + between_layers * rise^2) / l^2 along it. Both signs of a rise conduct alike, so a level
-   segment has the mean of the derivatives on either side. */
+   (level^2 + between_layers * rise^2) / l^2 along it. A rise counts less below LEVEL_SLOPE, so that
+   derivatives are continuous where a path is level. */
 static double conducting_length(const double *step, const double *section, double *by_step)
 {
     const double *up = section;
@@ -103,13 +103,16 @@ static double conducting_length(const double *step, const double *section, doubl
         level += across[d] * across[d];
     }
     level = sqrt(level);
-    double rise = fabs(height), area = level + widening * rise + MIN_LENGTH_MM;
+    double bend = LEVEL_SLOPE * level, size = sqrt(height * height + bend * bend) + MIN_LENGTH_MM;
+    double sine = height / size, rise = height * sine;
+    double area = level + widening * rise + MIN_LENGTH_MM;
     double length = (level * level + between_layers * rise * rise) / area;
     double by_level = (2 * level - length) / area;
     double by_rise = (2 * between_layers * rise - widening * length) / area;
-    double sign = rise > LEVEL_SLOPE * level ? (height > 0 ? 1.0 : -1.0) : 0.0;
+    double by_height = by_rise * sine * (2 - sine * sine);
+    by_level -= by_rise * LEVEL_SLOPE * sine * sine * bend / size;
     for (int d = 0; d < 3; d++)
-        by_step[d] = by_rise * sign * up[d] + by_level * across[d] / (level + MIN_LENGTH_MM);
+        by_step[d] = by_height * up[d] + by_level * across[d] / (level + MIN_LENGTH_MM);
     return length;
 }
 

@@ -56,7 +56,9 @@ class TraceSection:
 
     A trace is swept by an upright cylinder, and its beads follow it. So a level trace has the area
     width x height and conducts along its beads; a vertical one has the area of a disc and conducts
-    from layer to layer. The formula is in `kernels/cords.c`, for predictions and searches alike.
+    from layer to layer. Slopes below 1 in 10 count less, because they are printed in steps that are
+    lower than a layer over the trace's width. The formula, for predictions and searches alike, is
+    in `kernels/cords.c`.
 
     Attributes:
         width: Width across the path, mm.
