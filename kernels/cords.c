@@ -3,6 +3,7 @@
 #include "kernels.h"
 
 #define MIN_LENGTH_MM 1e-300 /* added to lengths: coincident points have zero derivatives */
+#define LEVEL_SLOPE 0.1      /* below, a trace is printed in steps of less than a layer over its width */
 
 /* For each corner of a tet, the nodes on its three edges and the corners at their other ends. */
 static const int ON_EDGES[4][3] = {{4, 6, 7}, {4, 5, 8}, {5, 6, 9}, {7, 8, 9}};
@@ -13,14 +14,16 @@ typedef struct {
     int64_t is_local;
     double hidden, series, contact_square;
     const double *breaks, *origins, *pieces;
-    int64_t count; /* of breaks */
+    int64_t count;         /* of breaks */
+    const double *section; /* of printed traces, see TraceSection.values; null for cords */
 } Answer;
-enum { ANSWER_ARGS = 7, LINES_ARGS = 6 };
+enum { ANSWER_ARGS = 8, LINES_ARGS = 7 };
 
 static Answer read_answer(const Arg *a)
 {
     Answer answer = {a[0].count, a[1].number, a[2].number, a[3].number,
-                     a[4].data,  a[5].data,   a[6].data,   a[4].size[0]};
+                     a[4].data,  a[5].data,   a[6].data,   a[4].size[0],
+                     a[7].size[0] ? a[7].data : NULL};
     return answer;
 }
 
@@ -41,7 +44,7 @@ int run_evaluate_response(const Arg *a)
     const double *strain = a[0].data;
     double *out = a[4].data;
     int64_t count = a[0].size[0];
-    Answer r = {0, 0, 0, 0, a[1].data, a[2].data, a[3].data, a[1].size[0]};
+    Answer r = {0, 0, 0, 0, a[1].data, a[2].data, a[3].data, a[1].size[0], NULL};
     for (int64_t k = 0; k < count; k++)
         out[k] = respond(strain[k], &r, out + count + k);
     return DONE;
@@ -83,6 +86,54 @@ static inline double segment_length(const double *points, int64_t p)
     const double *a = points + 3 * (p - 1), *b = points + 3 * p;
     double x = b[0] - a[0], y = b[1] - a[1], z = b[2] - a[2];
     return sqrt(x * x + y * y + z * z) + MIN_LENGTH_MM;
+}
+
+/* Return the length of level trace that conducts like a segment of a printed trace, and fill its
+   derivatives (3) by the segment's end. A segment that rises by `rise` over a level distance `level`
+   has the length l, the area height * level / l + pi/4 width * rise / l, and the resistivity
+   (level^2 + between_layers * rise^2) / l^2 along it. A rise counts less below LEVEL_SLOPE, so that
+   derivatives are continuous where a path is level. */
+static double conducting_length(const double *step, const double *section, double *by_step)
+{
+    const double *up = section;
+    double between_layers = section[3], widening = section[4];
+    double height = step[0] * up[0] + step[1] * up[1] + step[2] * up[2], across[3], level = 0.0;
+    for (int d = 0; d < 3; d++) {
+        across[d] = step[d] - height * up[d];
+        level += across[d] * across[d];
+    }
+    level = sqrt(level);
+    double bend = LEVEL_SLOPE * level, size = sqrt(height * height + bend * bend) + MIN_LENGTH_MM;
+    double sine = height / size, rise = height * sine;
+    double area = level + widening * rise + MIN_LENGTH_MM;
+    double length = (level * level + between_layers * rise * rise) / area;
+    double by_level = (2 * level - length) / area;
+    double by_rise = (2 * between_layers * rise - widening * length) / area;
+    double by_height = by_rise * sine * (2 - sine * sine);
+    by_level -= by_rise * LEVEL_SLOPE * sine * sine * bend / size;
+    for (int d = 0; d < 3; d++)
+        by_step[d] = by_height * up[d] + by_level * across[d] / (level + MIN_LENGTH_MM);
+    return length;
+}
+
+/* Fill rows (p, 4): for the segment that ends at a point its resistance per length, as a multiple of
+   that of a level trace, and the derivatives of its conducting length by the segment's end. */
+static void fill_conduction(const double *points, int64_t first, int64_t last,
+                            const double *section, double *conduction)
+{
+    memset(conduction + 4 * first, 0, 4 * sizeof(double));
+    for (int64_t p = first + 1; p < last; p++) {
+        double *row = conduction + 4 * p, step[3];
+        for (int d = 0; d < 3; d++)
+            step[d] = points[3 * p + d] - points[3 * (p - 1) + d];
+        row[0] = conducting_length(step, section, row + 1) / segment_length(points, p);
+    }
+}
+
+int run_fill_conduction(const Arg *a)
+{
+    fill_conduction(a[0].data, 0, a[0].size[0], a[1].data, a[2].data);
+    return DONE;
 }
 
 /* Fill the strained share of each segment: the part at least `hidden` mm from both line ends. Return
@@ -148,14 +199,26 @@ static void add_ends(const double *points, const Answer *answer, const double *s
    the strained part. For a local response the deformed length is the sum of L (1 + w) over the
    segments, as if they were stretched by w instead of their strain. `bent` (2, p, s), unless null,
    receives the derivatives of the strained length by the deformed and the rest lengths of the segments
-   that end at each point. `lengths` (s) and `shares` (p) are scratch. */
+   that end at each point. All lengths of a printed trace are those of a level trace that conducts
+   alike: `conduction` (p, 4) receives what `fill_conduction` computes, and bent[1] the derivatives by the
+   conducting lengths of segments whose strain stays; both are for traces only. `lengths` (s) and `shares`
+   (p) are scratch. */
 static void fill_signal(const double *points, int64_t count, const double *moved, int64_t first,
                         int64_t last, const Answer *answer, int64_t states, double *steps,
-                        double *shares, double *lengths, double *out, double *bent)
+                        double *shares, double *lengths, double *out, double *bent,
+                        double *conduction)
 {
     double *by_rest = bent ? bent + count * states : NULL;
     int64_t start, ends;
     double rest = find_strained(points, first, last, answer->hidden, shares, &start, &ends);
+    if (answer->section) { /* a trace has no hidden part */
+        fill_conduction(points, first, last, answer->section, conduction);
+        rest = MIN_LENGTH_MM;
+        for (int64_t p = first + 1; p < last; p++) {
+            shares[p] = conduction[4 * p];
+            rest += shares[p] * segment_length(points, p);
+        }
+    }
     measure(moved, first, last, states, shares, steps, lengths);
     if (answer->is_local)
         memset(lengths, 0, (size_t)states * sizeof(double));
@@ -177,7 +240,16 @@ static void fill_signal(const double *points, int64_t count, const double *moved
                 by_rest[states * p + s] = 0.0;
             }
     }
-    if (bent && answer->hidden > 0 && start < ends) {
+    if (bent && answer->section)
+        for (int64_t p = first + 1; p < last; p++) {
+            double own = segment_length(points, p), slope;
+            for (int64_t s = 0; s < states; s++) {
+                double stretch = steps[states * p + s] / own;
+                by_rest[states * p + s] =
+                    answer->is_local ? 1 + respond(stretch - 1, answer, &slope) : stretch;
+            }
+        }
+    else if (bent && answer->hidden > 0 && start < ends) {
         add_ends(points, answer, steps, shares, states, start, first + 1, start, by_rest);
         add_ends(points, answer, steps, shares, states, ends, ends + 1, last, by_rest);
     }
@@ -205,10 +277,11 @@ int run_fill_signals(const Arg *a)
     double *out = a[12 + ANSWER_ARGS].data;
     int64_t count = a[0].size[1], states = a[12 + ANSWER_ARGS].size[1];
     int64_t *cell = malloc((size_t)(count + 1) * sizeof(int64_t));
-    double *scratch = malloc((size_t)(5 * count + 4 * (count + 1) * states) * sizeof(double));
+    double *scratch = malloc((size_t)(9 * count + 4 * (count + 1) * states) * sizeof(double));
     int status = cell && scratch ? DONE : OUT_OF_MEMORY;
     if (status == DONE) {
-        double *bary = scratch, *shares = bary + 4 * count, *moved = shares + count;
+        double *bary = scratch, *conduction = bary + 4 * count;
+        double *shares = conduction + 4 * count, *moved = shares + count;
         double *steps = moved + 3 * states * count, *lengths = steps + states * count;
         double *signals = lengths + states;
         for (int64_t c = 0; c < a[0].size[0]; c++) {
@@ -216,7 +289,7 @@ int run_fill_signals(const Arg *a)
             locate_path(path, count, &grid, across, cell, bary);
             move_points(cell, bary, count, cells, nodal, 3 * states, moved);
             fill_signal(path, count, moved, 0, count, &answer, states, steps, shares, lengths,
-                        signals, NULL);
+                        signals, NULL, conduction);
             memcpy(out + states * c, signals, (size_t)states * sizeof(double));
         }
     }
@@ -228,13 +301,13 @@ int run_fill_signals(const Arg *a)
 /* Lines in all states, as carry_lines fills them; see Lines. */
 typedef struct {
     int64_t *cell;
-    double *bary, *moved, *steps, *signals, *bent;
+    double *bary, *moved, *steps, *signals, *bent, *conduction;
 } Lines;
 
 static Lines read_lines(const Arg *a)
 {
-    Lines lines = {a[0].data, a[1].data, a[2].data, a[3].data,
-                   a[4].data, a[5].size[1] ? a[5].data : NULL};
+    Lines lines = {a[0].data, a[1].data, a[2].data, a[3].data, a[4].data,
+                   a[5].size[1] ? a[5].data : NULL, a[6].size[0] ? a[6].data : NULL};
     return lines;
 }
 
@@ -254,7 +327,7 @@ int run_carry_lines(const Arg *a)
     for (int64_t c = 0; c < a[1].size[0] - 1; c++)
         fill_signal(points, count, lines.moved, ends[c], ends[c + 1], &answer, states,
                     lines.steps, lengths + states, lengths, lines.signals + 3 * states * c,
-                    lines.bent);
+                    lines.bent, lines.conduction);
     free(lengths);
     return DONE;
 }
@@ -358,6 +431,17 @@ int run_fill_slopes(const Arg *a)
             for (int64_t i = 0; i < 3; i++) {
                 double step = inverse * (points[3 * p + i] - points[3 * (p - 1) + i]);
                 double *after = out + states * (3 * p + i), *before = after - 3 * states;
+                if (of.conduction) {
+                    const double *b = of.bent + states * p, *by = b + states * count;
+                    double turn = of.conduction[4 * p + 1 + i];
+                    for (int64_t s = 0; s < states; s++) {
+                        double stretch = inverse * of.steps[states * p + s];
+                        double x = turn * (by_rest[s] + w[s] * by[s]) - step * w[s] * stretch * b[s];
+                        after[s] += x;
+                        before[s] -= x;
+                    }
+                    continue;
+                }
                 add_multiple(step, by_rest, states, after);
                 add_multiple(-step, by_rest, states, before);
                 if (of.bent) {
@@ -432,13 +516,22 @@ int run_pull_signals(const Arg *a)
         for (int64_t s = 0; s < states; s++)
             rest -= by_signals[lines * s + c] * by_rest[s];
         for (int64_t p = ends[c] + 1; p < ends[c + 1]; p++) {
-            double own = rest;
-            if (of.bent)
+            double own = rest, turn = rest;
+            if (of.conduction) {
+                own = 0.0;
+                for (int64_t s = 0; s < states; s++) {
+                    turn -= w[s] * of.bent[states * (count + p) + s];
+                    own += w[s] * of.bent[states * p + s] * of.steps[states * p + s];
+                }
+                own /= segment_length(points, p);
+            } else if (of.bent)
                 for (int64_t s = 0; s < states; s++)
                     own -= w[s] * of.bent[states * (count + p) + s];
             double inverse = own / segment_length(points, p);
             for (int d = 0; d < 3; d++) {
                 double step = inverse * (points[3 * p + d] - points[3 * (p - 1) + d]);
+                if (of.conduction)
+                    step += turn * of.conduction[4 * p + 1 + d];
                 out[3 * p + d] -= step;
                 out[3 * (p - 1) + d] += step;
             }

@@ -217,6 +217,7 @@ class BandRecord:
         family: The cord's kind of memory; empty if it is not known.
         without_memory: Median RMSE in a session by noise and tolerances alone, mm; None if that of
             unseen states is meant.
+        resistance: Relative standard deviation of the traces' resistances at rest; zero for cords.
     """
 
     median: float
@@ -233,6 +234,7 @@ class BandRecord:
     frames: int
     family: str = ""
     without_memory: float | None = None
+    resistance: float = 0.0
 
     @property
     def noise_part(self) -> float:

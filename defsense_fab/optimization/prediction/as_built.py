@@ -227,13 +227,17 @@ def _keeps_limits(device: Device, surface: Surface, sensors: Sequence[Sensor]) -
 
 
 def built_cords(task: DesignTask, channels: Sequence[Channel]) -> list[BuiltCord]:
-    """Return the cords in their channels, each between its ferrules or its free ends."""
+    """Return the cords in their channels, each between its ferrules or its free ends.
+
+    A printed trace is strained, and conducts, along its whole line between the pads.
+    """
     out = []
     for channel in channels:
         path = channel.sensing
         lead = task.fabrication.lead
         between = channel.length + sum(-e.pocket if e.pocket else lead for e in channel.ends)
-        out.append(_built(task, path, between - float(arc_lengths(path)[-1])))
+        series = 0.0 if channel.is_trace else between - float(arc_lengths(path)[-1])
+        out.append(_built(task, path, series))
     return out
 
 
@@ -259,7 +263,7 @@ def assumed_ends(task: DesignTask, length: float) -> tuple[float, float]:
         The length (mm) in a pocket at each end, and the total length (mm) of cord beyond the path.
     """
     hidden = task.design.sense.hidden
-    return min(hidden, 0.45 * length), length_beyond_path(task.fabrication)
+    return min(hidden, 0.45 * length), length_beyond_path(task.fabrication, task.reading)
 
 
 def _built(task: DesignTask, path: Float, series: float) -> BuiltCord:

@@ -156,20 +156,32 @@ def signal_model(device: Device) -> tuple[SignalModel, float]:
         response,
         local=f.assembly == "bonded",
         hidden=max(pocket - _ASSUMED_INLET_MM, 0.0),
-        series=length_beyond_path(f) / scale,
+        series=length_beyond_path(f, reading) / scale,
         contact=float(joints) / scale,
+        section=reading.section,
     )
     return model, reading.relative
 
 
-def length_beyond_path(fabrication: FabricationSpec) -> float:
-    """Return the length (mm) of cord beyond both ends of a path, zero with pockets."""
-    return 0.0 if fabrication.pockets else 2 * (fabrication.lead + _ASSUMED_INLET_MM)
+def length_beyond_path(fabrication: FabricationSpec, reading: CordReading) -> float:
+    """Return the length (mm) of unstrained cord beyond both ends of a path.
+
+    It is zero with pockets and for printed traces, which are bonded up to their pads.
+    """
+    if fabrication.pockets or reading.section is not None:
+        return 0.0
+    return 2 * (fabrication.lead + _ASSUMED_INLET_MM)
 
 
 def device_tolerances(device: Device) -> Tolerances:
-    """Return the tolerances of built devices, reduced by what was measured of the cord."""
+    """Return the tolerances of built devices, reduced by what was measured of the cord.
+
+    Gauge factors and resistances of printed traces differ by the spread of the filament.
+    """
     tolerances, cord = Tolerances(), device.cord
+    if cord.trace is not None:
+        spread = cord.trace.spread
+        tolerances = replace(tolerances, gauge=spread, resistance=spread)
     if cord.compression == "measured":
         tolerances = replace(tolerances, compression=0.0)
     if cord.measured is not None:

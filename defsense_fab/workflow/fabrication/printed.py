@@ -25,13 +25,19 @@ from ...geometry.printing.slicer_files import (
 )
 from ...geometry.printing.slicer_settings import TraceSettings, write_prusa_settings
 from ...optimization.prediction.predict import ScoredLayout
+from ...sensing.built_cord import CordReading
 from ...store.manifest import CutCord, Plate, TraceRecord
 
 PRUSA_3MF, BAMBU_3MF, MATERIAL_3MF = "prusaslicer.3mf", "bambu-orca.3mf", "materials.3mf"
 SETTINGS = "two-extruders.ini"
-#: Current through a trace from which it is warmed noticeably: power per length, mW/mm.
-_MAX_POWER_MW_PER_MM = 1.0
-_SUPPLY_V = 5.0
+_MAX_WARMING_K = 1.0  # by the read-out: no temperature coefficient of a trace is known
+_SUPPLY_V = 5.0  # of the boards in firmware/, across a trace and a reference resistor as large
+#: Thermal conductivity of TPU, W/(m K): the table of polymers of NETZSCH
+#: (polymers.netzsch.com/Materials/Details/48).
+_CONDUCTIVITY = 0.19
+#: Heat that leaves the skin by radiation, W/(m^2 K): 4 sigma T^3 at 293 K for an emissivity of 0.9,
+#: which is assumed. Convection would about double it.
+_RADIATION = 4 * 0.9 * 5.67e-8 * 293**3
 _LARGEST_READABLE_OHM = 1e6
 
 
@@ -179,6 +185,30 @@ def printing_advice(device: Device) -> list[str]:
     ]
 
 
+def trace_warming(device: Device, record: TraceRecord) -> float:
+    """Return the temperature (K) above the surroundings that the read-out keeps a trace at.
+
+    The estimate is an upper one: half of the supply is across the trace all the time, heat leaves
+    through the thinnest wall all around as if there were no body beyond it, and the skin loses it
+    by radiation alone. The trace counts where it conducts worst.
+
+    Args:
+        device: A device with printed traces.
+        record: The trace.
+    """
+    spec = device.cord.trace
+    assert spec is not None
+    section = CordReading.from_device(device).section
+    assert section is not None
+    current = _SUPPLY_V / 2 / record.resistance
+    steepest = float(section.relative_resistance(record.line).max())
+    power = 1e3 * current**2 * device.cord.ohm_per_mm * steepest  # W per m
+    inner = (spec.area / np.pi) ** 0.5
+    outer = inner + device.fabrication.wall
+    resistance = np.log(outer / inner) / _CONDUCTIVITY + 1e3 / (outer * _RADIATION)  # 2 pi m K / W
+    return float(power * resistance / (2 * np.pi))
+
+
 def printing_notes(device: Device, records: tuple[TraceRecord, ...]) -> dict[str, Float | None]:
     """Return what a maker should know about the traces, each with a place (3,) mm, if it has one.
 
@@ -201,11 +231,10 @@ def printing_notes(device: Device, records: tuple[TraceRecord, ...]) -> dict[str
         ] = None
     for record in records:
         middle = record.line[len(record.line) // 2]
-        # Half of the supply is across the trace where the reference resistor equals it.
-        power = 1e3 * (_SUPPLY_V / 2) ** 2 / record.resistance / record.length
-        if power > _MAX_POWER_MW_PER_MM:
+        warming = trace_warming(device, record)
+        if warming > _MAX_WARMING_K:
             notes[
-                f"the read-out warms trace {record.name} by {power:.1f} mW per mm, which changes"
+                f"the read-out warms trace {record.name} by up to {warming:.1f} K, which changes"
                 " its resistance. Supply the divider only while it is read, or use a thinner trace"
             ] = middle
         if record.resistance > _LARGEST_READABLE_OHM:

@@ -1,5 +1,7 @@
 """Solids of a block with printed traces."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -53,6 +55,13 @@ def test_the_section_of_a_sweep(direction, area):
     line = np.linspace(0, 20, 3)[:, None] * (np.array(direction) / np.linalg.norm(direction))
     ends = np.pi / 4 * 1.2**2 * 0.8
     assert float(sweep_trace(line, SHAPE).volume()) == pytest.approx(20 * area + ends, rel=0.03)
+
+
+def test_a_trace_is_strained_from_skin_to_skin():
+    """It is bonded; the cord of a channel is not strained outside of its path."""
+    (channel,) = make_trace_lines([straight("a", -4)], block(), 1.2)
+    assert channel.sensing[[0, -1]] == pytest.approx(np.array([[-30, -4, 0], [30, -4, 0]]))
+    assert replace(channel, is_trace=False).sensing[[0, -1], 0] == pytest.approx([-28, 28])
 
 
 def test_body_and_traces_fill_the_block():

@@ -16,6 +16,7 @@ from defsense_fab.optimization.prediction.design_task import (
     layout_limits,
     signal_model,
 )
+from defsense_fab.sensing.built_cord import CordReading
 from tests.support.errors import raises
 from tests.support.places import DEVICES
 
@@ -87,6 +88,7 @@ def test_cords_extend_beyond_the_body_without_pockets(bar, pockets, hidden, beyo
     """However shallow pockets are; 20 mm at either end, 2 mm from a path's end to the skin."""
     task = SimpleNamespace(
         fabrication=with_(bar, pockets=pockets).fabrication,
+        reading=CordReading.from_device(bar),
         design=SimpleNamespace(sense=SimpleNamespace(hidden=hidden)),
     )
     assert assumed_ends(task, 100.0) == (hidden, beyond)

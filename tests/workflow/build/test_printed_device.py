@@ -12,7 +12,9 @@ from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.geometry.printing.slicer_settings import slice_with_prusa
+from defsense_fab.sensing.built_cord import CordReading
 from defsense_fab.store.build import Build
+from defsense_fab.twin.devices.twin_traits import TwinTraits
 from defsense_fab.workflow.fabrication.printed import place_on_bed
 from tests.support.body_scripts import write_bar
 from tests.support.errors import raises
@@ -84,6 +86,24 @@ def test_pads_are_on_the_skin_of_the_end_that_all_poses_hold(folder):
         outside = np.abs(trace.pads - middle) - half
         assert outside.max(axis=1) == pytest.approx(np.zeros(2), abs=0.05)
         assert trace.pads[:, 0].max() < 10.0
+
+
+def test_traces_sense_up_to_their_pads(folder):
+    build, device = Build(folder / "build"), load_device(folder)
+    reading = CordReading.from_device(device)
+    for record, trace in zip(build.layout.by_channel(), build.manifest.traces, strict=True):
+        assert record.stretch[[0, -1]] == pytest.approx(trace.pads, abs=1e-3)
+        assert record.series == 0
+        assert trace.resistance == pytest.approx(reading.resistance(record.built))
+        assert record.noise == pytest.approx(reading.noise(record.built))
+
+
+def test_the_band_has_the_spread_of_the_filament(folder):
+    """So do simulated devices."""
+    band, device = Build(folder / "build").layout.band, load_device(folder)
+    spread, traits = device.cord.trace.spread, TwinTraits.for_device(device)
+    assert (band.gauge, band.resistance) == (spread, spread)
+    assert (traits.building.gauge, traits.rubber.ohm_spread) == (spread, spread)
 
 
 def test_the_stiffness_of_the_traces_is_in_the_prediction(folder):
