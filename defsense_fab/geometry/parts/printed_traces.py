@@ -11,6 +11,7 @@ import manifold3d as m3
 import numpy as np
 
 from ...core.arrays import Float, format_point
+from ...core.device.pads import PadSpec
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..bodies.regions import KEPT_SPACING_MM, fill_region
@@ -18,30 +19,31 @@ from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import axes_from_normal
 from . import engraving
+from .printed_pads import OUTSIDE_MM, PlacedPad, place_pads
 from .records import Check, Part, PartRules, PartSet
 from .wall_checks import check_cord_walls
 
-PAD_DIAMETER_MM, PAD_DEPTH_MM = 4.0, 1.2  # of the contact at each end: an M2 screw or a crimp
 _SIDES = 16  # of a trace's upright section
 _SAG_MM = 0.02  # between the trace and its path
-_OUTSIDE_MM = 0.5  # by which solids reach out of the body before they are cut flush
 _MAX_SLIVER_MM3 = 5.0  # of the body, left out as a void next to a trace
 _MAX_OVERLAP_MM3 = 1e-6  # of two traces
 
 
 @dataclass(frozen=True)
 class TraceShape:
-    """Section of the traces as they are printed.
+    """Section of the traces as they are printed, and the pads in which they end.
 
     Attributes:
         width: Width across the path, mm.
         height: Height along `up`, mm.
         up: Unit direction (3,) that points up as the body is printed.
+        pad: The pads.
     """
 
     width: float
     height: float
     up: Float
+    pad: PadSpec
 
 
 def sweep_trace(line: Float, shape: TraceShape) -> Any:
@@ -95,16 +97,22 @@ def make_printed(
         One part, with the traces in `PartSet.traces`.
 
     Raises:
-        FabricationError: A wall is too thin, traces touch, or a trace is not in one piece.
+        FabricationError: A wall is too thin, traces touch, a pad is across an edge, or a trace is
+            not in one piece.
     """
     report(0.1, "sweeping traces")
     body = triangle_kernel.to_manifold(surface, "the body")
     checks = check_cord_walls(channels, surface, rules)
+    pads = place_pads(channels, surface, shape.pad)
     hollows = [(c.inside, rules.channel / 2) for c in channels]
-    hollows += [(fill_region(shape, KEPT_SPACING_MM), KEPT_SPACING_MM) for shape in rules.kept]
+    hollows += [(pad.axis, shape.pad.room / 2) for pair in pads for pad in pair]
+    hollows += [(fill_region(region, KEPT_SPACING_MM), KEPT_SPACING_MM) for region in rules.kept]
     seats = engraving.place_seats(surface, rules.seats, rules.tag, hollows, rules.wall, [])
     flat = triangle_kernel.cut_out(body, [t for s in seats for t in s.tools])
-    solids = [_make_trace(c, shape) ^ flat for c in channels]
+    for pad in itertools.chain(*pads):
+        pad.check(flat)
+    flat -= triangle_kernel.union([pad.holes for pair in pads for pad in pair])
+    solids = [_make_trace(c, shape, pair) ^ flat for c, pair in zip(channels, pads, strict=True)]
     for (a, one), (b, other) in itertools.combinations(zip(channels, solids, strict=True), 2):
         if float((one ^ other).volume()) > _MAX_OVERLAP_MM3:
             raise FabricationError(
@@ -138,21 +146,11 @@ def make_printed(
     return replace(part_set, traces=traces)
 
 
-def _make_trace(channel: Channel, shape: TraceShape) -> Any:
+def _make_trace(channel: Channel, shape: TraceShape, pads: tuple[PlacedPad, PlacedPad]) -> Any:
     """Return a trace that reaches out of the body, with a pad at each end."""
-    ends = [
-        end.mouth + np.array([-PAD_DEPTH_MM, _OUTSIDE_MM])[:, None] * end.out
-        for end in channel.ends
-    ]
-    line = np.concatenate([ends[0][::-1][:1], channel.inside, ends[1][1:]])
-    solids = [sweep_trace(line, shape)]
-    for low, high in ends:
-        height = float(np.linalg.norm(high - low))
-        pad = m3.Manifold.cylinder(height, PAD_DIAMETER_MM / 2, PAD_DIAMETER_MM / 2, 2 * _SIDES)
-        solids.append(
-            triangle_kernel.from_plane_frame(pad, axes_from_normal((high - low) / height), low)
-        )
-    return triangle_kernel.union(solids)
+    first, last = (end.mouth + OUTSIDE_MM * end.out for end in channel.ends)
+    line = np.concatenate([first[None], channel.inside, last[None]])
+    return triangle_kernel.union([sweep_trace(line, shape), *(pad.solid for pad in pads)])
 
 
 def _drop_slivers(whole: Any) -> tuple[Any, float]:

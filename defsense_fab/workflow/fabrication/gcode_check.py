@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.curve import arc_lengths, resample
 from ...core.device.build_folder import BUILD_AGAIN
 from ...core.device.device import Device
+from ...core.device.pads import PadSpec
 from ...core.errors import FabricationError
-from ...geometry.parts.printed_traces import PAD_DEPTH_MM, PAD_DIAMETER_MM
 from ...geometry.printing.conductor_network import Resistivity
 from ...geometry.printing.conductors import ConductorReport, check_traces
 from ...geometry.printing.conductors import Finding as Finding
@@ -25,6 +26,7 @@ CONDUCTIVE_TOOL = 1  # the second extruder, counted from 0
 MAX_VOLUME_RATIO = 5.0
 #: Difference in size from the device, which beads do not explain.
 MAX_SIZE_DIFFERENCE_MM = 3.0
+_PAD_MARGIN_MM = 0.5  # by which beads of a pad reach beyond it: one line
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,8 @@ def check_gcode(
             where=device.name,
             action=f'Set [cord] process = "printed" in device.toml. {BUILD_AGAIN}',
         )
+    pad = device.pad
+    assert pad is not None
     up, bed = np.array(device.fabrication.up), device.fabrication.bed
     body = build.parts[manifest.parts[0].name]
     low, high = manifest.plates[0].parts["body"]
@@ -101,7 +105,7 @@ def check_gcode(
             place_on_bed(t.line, up, body, bed) + shift,
             spec.width,
             spec.height,
-            place_on_bed(t.pads, up, body, bed) + shift,
+            place_on_bed(_inner_ends(t.line, pad.depth), up, body, bed) + shift,
         )
         for t in manifest.traces
     ]
@@ -109,9 +113,10 @@ def check_gcode(
         spec.resistivity, spec.across * spec.resistivity, spec.between_layers * spec.resistivity
     )
     report = check_traces(beads, traces, tool, resistivity)
-    pads = np.concatenate([t.ends for t in traces])
+    mouths = np.concatenate([t.pads for t in manifest.traces])
+    pads = place_on_bed(mouths, up, body, bed) + shift
     # A pad is wider than its trace: filament there is neither stray nor a loop.
-    kept = [f for f in report.findings if not (_may_be_pad(f) and _is_in_pad(f.point, pads))]
+    kept = [f for f in report.findings if not (_may_be_pad(f) and _is_in_pad(f.point, pads, pad))]
     report = replace(report, findings=tuple(kept))
     return CheckedPrint(report, tuple(t.resistance for t in manifest.traces), beads.slicer)
 
@@ -121,7 +126,14 @@ def _may_be_pad(finding: Finding) -> bool:
     return finding.kind == "stray" or is_own_contact
 
 
-def _is_in_pad(point: Float, pads: Float) -> bool:
-    """Return whether conductive filament at a point (3,) belongs to one of the pads (n, 3), mm."""
-    reach = PAD_DIAMETER_MM / 2 + PAD_DEPTH_MM
-    return bool((np.linalg.norm(pads - point, axis=1) < reach).any())
+def _is_in_pad(point: Float, mouths: Float, pad: PadSpec) -> bool:
+    """Return whether conductive filament at a point (3,) is in one of the pads at (n, 3), mm."""
+    return bool((np.linalg.norm(mouths - point, axis=1) < pad.reach + _PAD_MARGIN_MM).any())
+
+
+def _inner_ends(line: Float, depth: float) -> Float:
+    """Return the points (2, 3) of a line (p, 3) at which its pads end, mm.
+
+    Between them and the wires there is the fastener, which conducts far better than filament.
+    """
+    return resample(line, depth, float(arc_lengths(line)[-1]) - depth, 2)
