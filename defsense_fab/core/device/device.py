@@ -261,6 +261,11 @@ class CordSpec:
     measured: MeasuredResponse | None = None
     trace: TraceSpec | None = None
 
+    @property
+    def noun(self) -> str:
+        """What texts call one sensor: "cord" or "trace"."""
+        return "cord" if self.trace is None else "trace"
+
 
 #: Converters that read the resistances: full scale of a conversion (counts) and conversions per
 #: sample.

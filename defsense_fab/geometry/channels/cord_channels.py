@@ -35,7 +35,7 @@ class Channel:
         runs: How far the tool continues from the path's ends, mm.
         ends: Both ends.
         tools: Tools that shape the ends.
-        solid: The whole channel with the wires' leads, for manifold3d.
+        solid: The whole channel with the wires' leads, for manifold3d; None for a printed trace.
     """
 
     sensor: Sensor
@@ -46,6 +46,11 @@ class Channel:
     ends: tuple[End, End]
     tools: tuple[Tool, ...]
     solid: Any
+
+    @property
+    def noun(self) -> str:
+        """What texts call it: a "trace" is printed and has no solid of a channel."""
+        return "trace" if self.solid is None else "cord"
 
     @property
     def name(self) -> str:

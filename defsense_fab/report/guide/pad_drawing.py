@@ -125,18 +125,17 @@ def _draw_depths(drawing: _Drawing, pad: PadSpec) -> None:
 def _draw_labels(drawing: _Drawing, pad: PadSpec, top: float) -> None:
     """Draw the names and sizes at the right, each with a line to what it names."""
     edge = pad.hole_offsets[-1] + pad.hole_diameter / 2
-    count = len(pad.hole_offsets)
-    hole = (
-        f"{count} holes Ø {pad.hole_diameter:g}" if count > 1 else f"hole Ø {pad.hole_diameter:g}"
-    )
+    holes = f"{len(pad.hole_offsets)} holes" if pad.hole_spacing else "hole"
     targets = [
         ((f.diameter / 2, (f.low + f.high) / 2), f"{f.name} Ø {f.diameter:g}")
         for f in pad.fasteners
     ]
     if pad.hole_spacing:
+        bridge = pad.hole_depth - pad.hole_diameter
         targets.append(((pad.hole_offsets[-1], 0.2), "conductive thread"))
+        targets.append(((0.5, -bridge / 2), f"bridge, {bridge:.2g} thick"))
     targets += [
-        ((edge, 0.1 - pad.hole_depth), hole),
+        ((edge, 0.1 - pad.hole_depth), f"{holes} Ø {pad.hole_diameter:g}"),
         ((pad.diameter / 2, 0.1 - pad.depth), f"pad Ø {pad.diameter:g}"),
         ((_STEM_MM / 2, -pad.depth - 0.8), "trace"),
         ((_HALF_WIDTH_MM - 0.6, -pad.depth - 1.5), "body"),

@@ -90,7 +90,7 @@ def test_pads_reach_the_skin_and_have_their_holes(pad):
 
 def test_a_pad_across_an_edge_is_refused():
     with raises(FabricationError, "pad-outside", trace="a"):
-        make(straight("a", 0, z=3.0), pad=PADS["thread"])
+        make(straight("a", 8.0, z=3.0), pad=PADS["thread"])
 
 
 def test_traces_whose_pads_touch_are_refused():
