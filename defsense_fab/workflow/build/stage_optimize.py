@@ -430,8 +430,9 @@ def warn_uncalibrated_strains(device: Device, sensors: Sequence[CordRecord]) -> 
     low, high = device.cord.response.strain_range
     return {
         f"{device.cord.noun} {s.name!r}: strains of {s.least_strain:.1%} to {s.peak_strain:.1%} are"
-        f" outside the calibrated range of {low:.1%} to {high:.1%}, beyond which the response is continued"
-        " along its tangent. Calibrate on tighter jigs, or trust the prediction less.": s.name
+        f" outside the calibrated range of {low:.1%} to {high:.1%}, beyond which the response is"
+        " continued along its tangent. Calibrate on tighter jigs, or trust the prediction"
+        " less.": s.name
         for s in sensors
         if s.least_strain < low or s.peak_strain > high
     }
