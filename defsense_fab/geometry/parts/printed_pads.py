@@ -22,6 +22,7 @@ OUTSIDE_MM = 0.5  # by which solids reach out of the body before they are cut fl
 #: Share of a pad's filament that must be in the body, which an edge nearby or a bend of the skin
 #: reduces (assumed).
 MIN_SHARE_IN_BODY = 0.8
+MAX_BEND_MM = 0.3  # of the skin below a pad: three washers' tolerances of 0.1 mm (assumed)
 _SIDES = 32
 
 
@@ -90,6 +91,13 @@ class PlacedPad:
                 at=self.mouth.tolist(),
             )
 
+    def bend(self, body: Surface) -> float:
+        """Return how far the skin is from flat at the edge of the pad or its fastener, mm."""
+        angles = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
+        circle = np.stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)], axis=1)
+        edge = self.mouth + self.spec.room / 2 * circle @ self.axes.T
+        return float(signed_distance_of(body).unsigned(edge).max())
+
     def _place(self, solid: Any) -> Any:
         return triangle_kernel.from_plane_frame(solid, self.axes, self.mouth)
 
@@ -114,6 +122,24 @@ def place_pads(
         )
         placed.append((first, last))
     return placed
+
+
+def note_bends(
+    pads: Sequence[tuple[PlacedPad, PlacedPad]], body: Surface
+) -> dict[str, Float | None]:
+    """Return a note with its place (3,) mm for each pad on which a washer does not lie flat.
+
+    Args:
+        pads: The pads of all traces.
+        body: Surface of the body.
+    """
+    bends = [(pad, pad.bend(body)) for pair in pads for pad in pair]
+    return {
+        f"the skin bends by {bend:.1f} mm below the pad of {pad.trace} at"
+        f" {format_point(pad.mouth)}. Name a flat region in [wires] exit": pad.mouth
+        for pad, bend in bends
+        if bend > MAX_BEND_MM
+    }
 
 
 def _cylinder(diameter: float, depth: float, outside: float = OUTSIDE_MM) -> Any:

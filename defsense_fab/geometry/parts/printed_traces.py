@@ -19,7 +19,7 @@ from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import axes_from_normal
 from . import engraving
-from .printed_pads import OUTSIDE_MM, PlacedPad, place_pads
+from .printed_pads import OUTSIDE_MM, PlacedPad, note_bends, place_pads
 from .records import Check, Part, PartRules, PartSet
 from .wall_checks import check_cord_walls
 
@@ -136,7 +136,7 @@ def make_printed(
         seats=tuple(seats),
         channels=tuple(channels),
         checks=(*checks, *_check_volumes(float(flat.volume()) - left_out, part, traces)),
-        warnings={},
+        warnings=note_bends(pads, surface),
         cut_out=float(body.volume()) - float(whole.volume()),
         body_volume=float(body.volume()),
         rules=rules,

@@ -129,8 +129,8 @@ def _write_intro(manifest: Manifest) -> str:
     cord_count = len(manifest.cords)
     if manifest.traces:
         return (
-            f"One part with {cord_count} printed trace{'s' * (cord_count > 1)}: nothing is cut,"
-            " glued or crimped. All lengths are in mm."
+            f"One part with {cord_count} printed trace{'s' * (cord_count > 1)}: nothing is cut"
+            " or glued. All lengths are in mm."
         )
     intro = (
         f"{len(manifest.parts)} parts, {cord_count} cord{'s' * (cord_count > 1)}. All lengths are"

@@ -88,6 +88,17 @@ def test_pads_reach_the_skin_and_have_their_holes(pad):
     assert body.volume + trace.volume == pytest.approx(total, rel=1e-4)
 
 
+def test_a_pad_on_a_bend_of_the_skin_is_noted():
+    """At the edge of an eyelet of 6 mm, a rod of radius 10 mm is 0.44 mm below its tangent."""
+    rod = trimesh.creation.cylinder(10.0, 60.0, sections=96)
+    surface = Surface(np.asarray(rod.vertices, float), np.asarray(rod.faces, np.int64))
+    across = trace("a", [[-8, 0, 0], [-3, 0, 0], [3, 0, 0], [8, 0, 0]])
+    places = np.array(list(make(across, pad=PADS["eyelet"], surface=surface).warnings.values()))
+    assert np.sort(places[:, 0]) == pytest.approx([-10, 10], abs=0.1)
+    assert not make(across, pad=PADS["spring-pin"], surface=surface).warnings
+    assert not make(straight("a", 0), pad=PADS["eyelet"]).warnings
+
+
 def test_a_pad_across_an_edge_is_refused():
     with raises(FabricationError, "pad-outside", trace="a"):
         make(straight("a", 8.0, z=3.0), pad=PADS["thread"])

@@ -147,7 +147,7 @@ class Panel {
         this.set({});
       });
     }
-    this._box(row, "transparent", null, false, (on) => this.set({ through: on }));
+    this._box(row, "transparent", null, this.stage.state.through, (on) => this.set({ through: on }));
   }
 
   _box(row, words, color, on, changed) {
