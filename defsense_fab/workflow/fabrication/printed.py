@@ -21,7 +21,11 @@ from ...geometry.printing.slicer_files import (
     write_material_3mf,
     write_prusa_3mf,
 )
-from ...geometry.printing.slicer_settings import TraceSettings, write_prusa_settings
+from ...geometry.printing.slicer_settings import (
+    TraceSettings,
+    format_prusa_settings,
+    write_prusa_settings,
+)
 from ...optimization.prediction.predict import ScoredLayout
 from ...store.manifest import CutCord, Plate, TraceRecord
 
@@ -91,12 +95,12 @@ def write_printed(
     for trace in parts.traces:
         write_stl(trace.surface, out / f"{trace.name}.stl")
         solids.append(ColoredSolid(trace.name, lie(trace.surface), 2, is_trace=True))
-    write_prusa_3mf(solids, out / PRUSA_3MF, device.name)
     write_bambu_3mf(solids, out / BAMBU_3MF, device.name)
     write_material_3mf(solids, out / MATERIAL_3MF, device.name)
     f = device.fabrication
     settings = TraceSettings(nozzle_mm=(f.line, f.line), layer_mm=f.layer, bed_mm=(bed[0], bed[1]))
     write_prusa_settings(settings, out / SETTINGS)
+    write_prusa_3mf(solids, out / PRUSA_3MF, device.name, format_prusa_settings(settings))
     plate = Plate(PRUSA_3MF, {s.name: s.surface.bounds for s in solids})
     return (plate,), (PRUSA_3MF, BAMBU_3MF, MATERIAL_3MF)
 
