@@ -50,6 +50,11 @@ class Channel:
     is_trace: bool = False
 
     @property
+    def noun(self) -> str:
+        """What texts call it: "trace" or "cord"."""
+        return "trace" if self.is_trace else "cord"
+
+    @property
     def name(self) -> str:
         return self.sensor.name
 
@@ -158,13 +163,16 @@ def make_channels(
     return out
 
 
-def make_trace_lines(sensors: Sequence[Sensor], body: Surface, width: float) -> list[Channel]:
+def make_trace_lines(
+    sensors: Sequence[Sensor], body: Surface, width: float, pad_depth: float
+) -> list[Channel]:
     """Return the lines of printed traces from skin to skin, without a channel's solids.
 
     Args:
         sensors: The traces.
         body: Surface of the body.
         width: Width of the traces, mm.
+        pad_depth: Depth of the pads at their ends, which take the place of pockets, mm.
 
     Raises:
         FabricationError: If a path leaves the body or bends too tightly.
@@ -173,7 +181,7 @@ def make_trace_lines(sensors: Sequence[Sensor], body: Surface, width: float) -> 
     for sensor in sensors:
         t = _trace(sensor, body, width)
         mouths = [(t.inside[0], t.inside[1]), (t.inside[-1], t.inside[-2])]
-        first, last = (End(a, (a - b) / np.linalg.norm(a - b), 0.0, "") for a, b in mouths)
+        first, last = (End(a, (a - b) / np.linalg.norm(a - b), pad_depth, "") for a, b in mouths)
         ends = (first, last)
         out.append(Channel(sensor, t.line, t.inside, t.inlets, t.runs, ends, (), None, True))
     return out

@@ -69,9 +69,10 @@ def part_rules(device: Device, bay: Prism | None = None) -> PartRules:
 
 def trace_shape(device: Device) -> TraceShape:
     """Return the section of a device's printed traces, and the direction of printing."""
-    trace = device.cord.trace
+    trace, pad = device.cord.trace, device.pad
     assert trace is not None
-    return TraceShape(trace.width, trace.height, np.array(device.fabrication.up))
+    assert pad is not None
+    return TraceShape(trace.width, trace.height, np.array(device.fabrication.up), pad)
 
 
 def mould_rules(device: Device) -> MouldRules:
@@ -213,7 +214,8 @@ def _channels(
 ) -> Sequence[Channel]:
     trace = device.cord.trace
     if trace is not None:
-        return make_trace_lines(sensors, surface, trace.width)
+        assert device.pad is not None
+        return make_trace_lines(sensors, surface, trace.width, device.pad.depth)
     r = part_rules(device, bay)
     return make_channels(sensors, surface, r.channel, r.inner_wall, r.pockets)
 

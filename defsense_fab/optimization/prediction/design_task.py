@@ -13,9 +13,9 @@ from ...core.device.device import DECODERS, Device, FabricationSpec
 from ...core.errors import DeviceError
 from ...core.mesh import Surface
 from ...decoding.expected_errors import NONE, UnseenStates, choose_unseen_states
+from ...geometry.channels.channel_ends import MAX_INLET_SLOPE
 from ...geometry.channels.wire_channels import Wires
 from ...geometry.kernels.cutting_tools import Prism
-from ...geometry.parts.printed_traces import PAD_DIAMETER_MM
 from ...mechanics.elements.point_location import PointLocator
 from ...sensing.built_cord import CordReading, held_response, taut_response
 from ...store.build import Build
@@ -40,14 +40,19 @@ def layout_limits(device: Device) -> Limits:
     exits = tuple(device.regions[name] for name in device.exits)
     kept = tuple(device.regions[name] for name in device.fabrication.keep_whole)
     if device.cord.trace is not None:
-        radius, shortest = device.cord.min_bend_radius, device.cord.min_stretch
-        clearance = max(channel, PAD_DIAMETER_MM) + wall  # pads keep apart, too
+        assert device.pad is not None
+        radius, room = device.cord.min_bend_radius, device.pad.room
+        shortest = device.cord.min_stretch + 2 * device.pad.depth
+        clearance = max(channel, room) + wall  # pads keep apart, too
+        # The wall around a pad is kept up to where required_depth no longer allows less.
+        pad_end = ((wall + room / 2) / MAX_INLET_SLOPE, room)
         return Limits(
             wall,
             radius,
             clearance,
             channel,
             shortest=shortest,
+            pocket=pad_end,
             is_cut=False,
             exits=exits,
             kept_whole=kept,
@@ -101,13 +106,17 @@ def wire_rules(device: Device, relief: bool, bay: Prism | None = None) -> Wires:
 
 
 def pocket_depth(device: Device, bends: bool) -> float:
-    """Return the depth (mm) of the pockets of the cords' ends, zero without pockets.
+    """Return the depth (mm) of the pockets of the cords' ends, or of the pads of traces.
+
+    It is zero if there are neither.
 
     Args:
         device: The device.
         bends: Whether the pockets hold bends of the wires.
     """
     f = device.fabrication
+    if device.pad is not None:
+        return device.pad.depth
     if not f.pockets:
         return 0.0
     return device.cord.ferrule_length + (

@@ -240,7 +240,7 @@ def require_feasible_layout(device: Device, layout: LayoutRecord) -> None:
         where=device.source / "device.toml",
         action=f"Raise [design] searches ({searches}) or sensors ({len(layout.sensors)})"
         if is_searched
-        else "Move the cords in [[sensors]]",
+        else f"Move the {device.cord.noun}s in [[sensors]]",
         problems=[t.problem for t in layouts],
         searches=searches,
         sensors=len(layout.sensors),
@@ -429,9 +429,10 @@ def warn_uncalibrated_strains(device: Device, sensors: Sequence[CordRecord]) -> 
     """
     low, high = device.cord.response.strain_range
     return {
-        f"cord {s.name!r}: strains of {s.least_strain:.1%} to {s.peak_strain:.1%} are outside the"
-        f" calibrated range of {low:.1%} to {high:.1%}, beyond which the response is continued"
-        " along its tangent. Calibrate on tighter jigs, or trust the prediction less.": s.name
+        f"{device.cord.noun} {s.name!r}: strains of {s.least_strain:.1%} to {s.peak_strain:.1%} are"
+        f" outside the calibrated range of {low:.1%} to {high:.1%}, beyond which the response is"
+        " continued along its tangent. Calibrate on tighter jigs, or trust the prediction"
+        " less.": s.name
         for s in sensors
         if s.least_strain < low or s.peak_strain > high
     }

@@ -236,7 +236,7 @@ STAGES = (
     ),
     Stage(
         "optimize",
-        "optimize the cords",
+        "optimize the layout",
         ("layout.json", "prediction.json", "layouts.json", TRACED),
         lambda d: (*layout_parts(d), plain(d.sensors)),
         ("daqp", "libigl"),  # NumPy and SciPy count by the key of the stage before
@@ -248,7 +248,7 @@ STAGES = (
         ("parts",),
         lambda d: plain((d.name, d.fabrication, _silicone(d))),
         (),  # CAD and mesh kernels are those of the body
-        "simplify the body, or use fewer cords",
+        "simplify the body, or use fewer sensors",
     ),
     Stage(
         "report",

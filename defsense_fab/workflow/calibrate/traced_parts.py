@@ -14,6 +14,7 @@ from ...core.device.device import FabricationSpec
 from ...core.device.device_file import load_device
 from ...core.device.fabrication_table import FabricationTable
 from ...core.device.filaments import TraceSpec, has_second_extruder
+from ...core.device.pads import PADS
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ...core.progress import Progress, silent
@@ -45,6 +46,8 @@ if TYPE_CHECKING:
 
 _UP = np.array([0.0, 0.0, 1.0])  # as the parts are printed
 _FACET_DEVIATION_MM = 0.01  # of facets from the solid
+#: Pads, whose dimples are left out, as clips of a meter hold them.
+PAD = PADS["spring-pin"]
 #: Length by which a pad shortens its trace, as it is wider. It is 0.3 to 0.6 mm of the pad's 1.2 mm
 #: in the network of resistors of the beads of a coupon (PrusaSlicer 2.5, layers of 0.2 mm).
 PAD_RELIEF_MM = 0.5
@@ -189,7 +192,6 @@ def write_traced_specimen(
         FabricationError: A part is not possible, or too large for the bed.
         StorageError: A file cannot be written.
     """
-    from ...geometry.parts.printed_traces import PAD_DIAMETER_MM
     from ...geometry.specimen.specimen import Specimen, make_whole
     from ...geometry.specimen.trace_lines import specimen_traces
 
@@ -201,7 +203,7 @@ def write_traced_specimen(
     specimen = Specimen(
         options.length, options.thickness, options.width, offset, room, printer.clearance
     )
-    lines = specimen_traces(specimen, trace.width, trace.height, PAD_DIAMETER_MM)
+    lines = specimen_traces(specimen, trace.width, trace.height, PAD.diameter)
     check_folder(folder)
     jigs = make_jigs(specimen, sorted(options.radii), progress)
     data = describe_specimen(specimen, sorted(options.radii), warnings) | {
@@ -230,11 +232,10 @@ def write_trace_coupon(folder: Path, traces: TracePrinting) -> PrintFiles:
         FabricationError: The bed is too small for the coupon.
         StorageError: A file cannot be written.
     """
-    from ...geometry.parts.printed_traces import PAD_DIAMETER_MM
     from ...geometry.specimen.trace_coupon import SLOPE, coupon_rows, make_coupon_block
 
     t = traces.trace
-    rows = coupon_rows(t.width, t.height, traces.fabrication.layer, PAD_DIAMETER_MM)
+    rows = coupon_rows(t.width, t.height, traces.fabrication.layer, PAD.diameter)
     check_folder(folder)
     lines = [row.trace for row in rows]
     part = _TracedPart.make("coupon", make_coupon_block(rows), lines)
@@ -293,16 +294,23 @@ class _TracedPart:
     def make(cls, name: str, solid: Any, lines: Sequence[TraceLine]) -> _TracedPart:
         """Cut traces out of a TopoDS_Solid that is printed with z up."""
         from ...geometry.kernels import occ, triangle_kernel
+        from ...geometry.kernels.cutting_tools import axes_from_normal
+        from ...geometry.parts.printed_pads import PlacedPad
         from ...geometry.parts.printed_traces import TraceShape, cut_traces_out, make_trace
+
+        def sweep(line: TraceLine) -> Any:
+            first, last = (
+                PlacedPad(PAD, axes_from_normal(out), mouth, line.name)
+                for out, mouth in zip(line.outward, line.points[[0, -1]], strict=True)
+            )
+            shape = TraceShape(line.width, line.height, _UP, PAD)
+            return make_trace(line.points, shape, (first, last))
 
         whole = triangle_kernel.to_manifold(occ.tessellate(solid, _FACET_DEVIATION_MM), name)
         bounds = triangle_kernel.to_surface(whole).bounds
         move = -np.append(bounds.mean(axis=0)[:2], bounds[0][2])
         lines = [replace(line, points=line.points + move) for line in lines]
-        swept = {
-            t.name: make_trace(t.points, t.outward, TraceShape(t.width, t.height, _UP))
-            for t in lines
-        }
+        swept = {line.name: sweep(line) for line in lines}
         body, traces, _ = cut_traces_out(whole.translate(move.tolist()), swept)
         surfaces = {
             key: triangle_kernel.to_printable_surface(trace, key) for key, trace in traces.items()
@@ -348,6 +356,8 @@ def _write(
         tuple(float(t["resistance"]) for t in data["traces"]),
         np.array(solids[0].surface.bounds),
         resistivity_of(printing.trace),
+        np.concatenate([t.points[[0, -1]] for t in part.lines]) + middle,
+        PAD.reach,
     )
     with storage_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)

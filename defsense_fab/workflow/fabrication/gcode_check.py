@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.curve import arc_lengths, resample
 from ...core.device.build_folder import BUILD_AGAIN
 from ...core.device.device import Device
 from ...core.errors import FabricationError
-from ...geometry.parts.printed_traces import PAD_DEPTH_MM, PAD_DIAMETER_MM
 from ...geometry.printing.conductors import ConductorReport, check_traces
 from ...geometry.printing.conductors import Finding as Finding
 from ...geometry.printing.gcode import find_shift, read_beads
@@ -25,6 +25,7 @@ CONDUCTIVE_TOOL = 1  # the second extruder, counted from 0
 MAX_VOLUME_RATIO = 5.0
 #: Difference in size from the design, which beads do not explain.
 MAX_SIZE_DIFFERENCE_MM = 3.0
+_PAD_MARGIN_MM = 0.5  # by which beads of a pad reach beyond it: one line
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,8 @@ def check_gcode(
             where=device.name,
             action=f'Set [cord] process = "printed" in device.toml. {BUILD_AGAIN}',
         )
+    pad = device.pad
+    assert pad is not None
     up, bed = np.array(device.fabrication.up), device.fabrication.bed
     body = build.parts[manifest.parts[0].name]
     traces = tuple(
@@ -74,7 +77,7 @@ def check_gcode(
             place_on_bed(t.line, up, body, bed),
             spec.width,
             spec.height,
-            place_on_bed(t.pads, up, body, bed),
+            place_on_bed(_inner_ends(t.line, pad.depth), up, body, bed),
         )
         for t in manifest.traces
     )
@@ -85,6 +88,8 @@ def check_gcode(
         tuple(t.resistance for t in manifest.traces),
         np.array(manifest.plates[0].parts["body"], float),
         resistivity_of(spec),
+        place_on_bed(np.concatenate([t.pads for t in manifest.traces]), up, body, bed),
+        pad.reach,
     )
     return compare_print(design, gcode, tool)
 
@@ -142,9 +147,13 @@ def compare_print(design: PrintDesign, gcode: Path, tool: int) -> CheckedPrint:
     shift = find_shift(beads, low, high)
     traces = [trace.move(shift) for trace in design.traces]
     report = check_traces(beads, traces, tool, design.resistivity)
-    pads = np.concatenate([t.ends for t in traces])
+    pads = design.pads + shift
     # A pad is wider than its trace: filament there is neither stray nor a loop.
-    kept = [f for f in report.findings if not (_may_be_pad(f) and _is_in_pad(f.point, pads))]
+    kept = [
+        f
+        for f in report.findings
+        if not (_may_be_pad(f) and _is_in_pad(f.point, pads, design.pad_reach))
+    ]
     report = replace(report, findings=tuple(kept))
     return CheckedPrint(report, design.expected, beads.slicer)
 
@@ -154,7 +163,14 @@ def _may_be_pad(finding: Finding) -> bool:
     return finding.kind == "stray" or is_own_contact
 
 
-def _is_in_pad(point: Float, pads: Float) -> bool:
-    """Return whether conductive filament at a point (3,) belongs to one of the pads (n, 3), mm."""
-    reach = PAD_DIAMETER_MM / 2 + PAD_DEPTH_MM
-    return bool((np.linalg.norm(pads - point, axis=1) < reach).any())
+def _is_in_pad(point: Float, mouths: Float, reach: float) -> bool:
+    """Return whether conductive filament at a point (3,) is in one of the pads at (n, 3), mm."""
+    return bool((np.linalg.norm(mouths - point, axis=1) < reach + _PAD_MARGIN_MM).any())
+
+
+def _inner_ends(line: Float, depth: float) -> Float:
+    """Return the points (2, 3) of a line (p, 3) at which its pads end, mm.
+
+    Between them and the wires there is the fastener, which conducts far better than filament.
+    """
+    return resample(line, depth, float(arc_lengths(line)[-1]) - depth, 2)

@@ -31,6 +31,8 @@ class PrintDesign:
         expected: Resistance (t,) of each trace, ohm.
         bounds: Lowest and highest corner (2, 3) of the object, mm.
         resistivity: Resistivity of the conductive filament.
+        pads: Middles (n, 3) of all pads on the skin, mm.
+        pad_reach: Largest distance of a pad's filament from its middle, mm.
     """
 
     name: str
@@ -39,6 +41,8 @@ class PrintDesign:
     expected: tuple[float, ...]
     bounds: Float
     resistivity: Resistivity
+    pads: Float
+    pad_reach: float
 
 
 def resistivity_of(spec: TraceSpec) -> Resistivity:
@@ -70,6 +74,8 @@ def write_design(design: PrintDesign, folder: Path) -> None:
         "name": design.name,
         "bounds": _round(design.bounds),
         "volume": round(design.volume, 3),
+        "pads": _round(design.pads),
+        "pad_reach": round(design.pad_reach, 4),
         "resistivity": {"along": rho.along, "across": rho.across, "layers": rho.layers},
         "traces": traces,
     }
@@ -101,6 +107,8 @@ def read_design(folder: Path) -> PrintDesign:
             tuple(float(t["resistance"]) for t in data["traces"]),
             bounds,
             Resistivity(**{k: float(v) for k, v in data["resistivity"].items()}),
+            _points(data["pads"]),
+            float(data["pad_reach"]),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise FabricationError(

@@ -13,7 +13,6 @@ from ...core.device.filaments import read_filaments
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ...geometry.kernels.cutting_tools import axes_from_normal
-from ...geometry.parts.printed_traces import PAD_DIAMETER_MM
 from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_stl
 from ...geometry.printing.print_bed import fits_bed
@@ -23,7 +22,11 @@ from ...geometry.printing.slicer_files import (
     write_material_3mf,
     write_prusa_3mf,
 )
-from ...geometry.printing.slicer_settings import TraceSettings, write_prusa_settings
+from ...geometry.printing.slicer_settings import (
+    TraceSettings,
+    format_prusa_settings,
+    write_prusa_settings,
+)
 from ...optimization.prediction.predict import ScoredLayout
 from ...sensing.built_cord import CordReading
 from ...store.manifest import CutCord, Plate, TraceRecord
@@ -118,14 +121,14 @@ def write_slicer_files(
     Returns:
         Names of the 3MF files.
     """
-    write_prusa_3mf(solids, out / PRUSA_3MF, title)
-    write_bambu_3mf(solids, out / BAMBU_3MF, title)
-    write_material_3mf(solids, out / MATERIAL_3MF, title)
     f = fabrication
     settings = TraceSettings(
         nozzle_mm=(f.line, f.line), layer_mm=f.layer, bed_mm=(f.bed[0], f.bed[1])
     )
     write_prusa_settings(settings, out / SETTINGS)
+    write_prusa_3mf(solids, out / PRUSA_3MF, title, format_prusa_settings(settings))
+    write_bambu_3mf(solids, out / BAMBU_3MF, title)
+    write_material_3mf(solids, out / MATERIAL_3MF, title)
     return PRUSA_3MF, BAMBU_3MF, MATERIAL_3MF
 
 
@@ -162,8 +165,9 @@ def trace_records(
 
 def printing_advice(device: Device) -> list[str]:
     """Return advice on how to print a body with traces, the most important first."""
-    spec, f = device.cord.trace, device.fabrication
+    spec, pad, f = device.cord.trace, device.pad, device.fabrication
     assert spec is not None
+    assert pad is not None
     lines = max(2, round(spec.width / f.line))
     return [
         f"Open {PRUSA_3MF} in PrusaSlicer or SuperSlicer, {BAMBU_3MF} in Bambu Studio or"
@@ -179,9 +183,8 @@ def printing_advice(device: Device) -> list[str]:
         " they allow it, so that they weld.",
         f"Run 'defsense traces {device.name} FILE.gcode' before you print: it finds gaps, thin"
         " places and contacts between traces, and the resistance to expect.",
-        f"Each trace ends in two pads of {PAD_DIAMETER_MM:g} mm on the skin. Connect wires by a"
-        " screw with a washer, a crimped eyelet, a spring pin or conductive thread sewn through the"
-        " pad; solder does not stick.",
+        f"Each trace ends in two pads of {pad.diameter:g} mm on the skin, for the {pad.name} that"
+        " [wires] pad states. Solder does not stick to them.",
     ]
 
 

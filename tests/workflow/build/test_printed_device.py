@@ -1,6 +1,7 @@
 """A bar that is printed in one piece with its traces, from device.toml to its guide."""
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -36,6 +37,19 @@ searches = 1
 """
 
 
+NARROW = """[wires]
+exit = ["slot"]
+pad = "thread"
+
+[regions.slot]
+box = [[-1, -3, -16], [4, 3, 16]]
+
+[fabrication]"""
+CORD_WITH_PAD = """name = "rubber-2mm"
+
+[wires]
+pad = "screw"
+"""
 DRAWN = """[[sensors]]
 name = "{}"
 control_points = [[2, 0, 0], [50, 0, 5], [100, 5, 0], [148, 0, 0]]
@@ -124,6 +138,16 @@ def test_the_guide_has_no_joints_and_cords(folder):
     ]
     assert [a.get("cord") for a in actions[1:3]] == ["trace-1", "trace-2"]
     assert actions[1]["ohm"][0]["about"] > 1000
+    page = (folder / "build" / "guide.html").read_text(encoding="utf-8")
+    assert page.count("data:image/svg+xml") == 1
+
+
+def test_texts_on_printed_traces_do_not_call_them_cords(folder):
+    """Tables and keys of device.toml keep their names: [cord]."""
+    for page in ("report.html", "guide.html"):
+        text = (folder / "build" / page).read_text(encoding="utf-8")
+        text = re.sub(r"(?s)<(style|script).*?</\1>", "", text)
+        assert not re.search(r"\bcords?\b(?!\])", re.sub(r"<[^>]*>", " ", text))
 
 
 def test_a_second_build_has_nothing_to_do(folder):
@@ -167,6 +191,9 @@ def test_a_file_that_is_no_gcode_is_refused(folder):
         ({'"ninjaflex-85a"': '"ecoflex-00-30"'}, "trace-too-stiff"),
         ({'"fdm-tpu"': '"polyjet"'}, "printer-without-second-extruder"),
         ({"searches = 1": "searches = 1\nplanes = 1"}, "key-not-applicable"),
+        ({"[fabrication]": '[wires]\npad = "bolt"\n\n[fabrication]'}, "value-choice"),
+        ({"[fabrication]": NARROW}, "exit-too-small"),
+        ({'process = "printed"\ntrace = "eel"': CORD_WITH_PAD}, "key-not-applicable"),
         ({"[design]": DRAWN.format("../up") + "\n[design]"}, "name-invalid"),
         ({"[design]": DRAWN.format("body") + "\n[design]"}, "name-invalid"),
         ({"[fabrication]": '[wires]\nexit = ["bse"]\n\n[fabrication]'}, "unknown-region"),
