@@ -1,8 +1,8 @@
 """Compiled loops behind the objective and the candidates: cords in all states, and derivatives.
 
 The derivatives of signals by the rest positions of points are gathered without forming deformation
-gradients. States are the innermost index. The loops are in `kernels/cords.c`; they take whole paths
-because passing an array costs as much as a point.
+gradients. States are the innermost index. The loops are in `kernels/cords.c` and
+`kernels/cord_slopes.c`; they take whole paths because passing an array costs as much as a point.
 """
 
 from __future__ import annotations
