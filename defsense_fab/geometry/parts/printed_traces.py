@@ -17,6 +17,7 @@ from ..bodies.regions import KEPT_SPACING_MM, fill_region
 from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import axes_from_normal
+from ..kernels.surface_queries import signed_distance_of
 from . import engraving
 from .records import Check, Part, PartRules, PartSet
 from .wall_checks import check_cord_walls
@@ -104,7 +105,7 @@ def make_printed(
     hollows += [(fill_region(shape, KEPT_SPACING_MM), KEPT_SPACING_MM) for shape in rules.kept]
     seats = engraving.place_seats(surface, rules.seats, rules.tag, hollows, rules.wall, [])
     flat = triangle_kernel.cut_out(body, [t for s in seats for t in s.tools])
-    solids = [_make_trace(c, shape) ^ flat for c in channels]
+    solids = [_make_trace(c, surface, shape) ^ flat for c in channels]
     for (a, one), (b, other) in itertools.combinations(zip(channels, solids, strict=True), 2):
         if float((one ^ other).volume()) > _MAX_OVERLAP_MM3:
             raise FabricationError(
@@ -138,20 +139,20 @@ def make_printed(
     return replace(part_set, traces=traces)
 
 
-def _make_trace(channel: Channel, shape: TraceShape) -> Any:
-    """Return a trace that reaches out of the body, with a pad at each end."""
-    ends = [
-        end.mouth + np.array([-PAD_DEPTH_MM, _OUTSIDE_MM])[:, None] * end.out
-        for end in channel.ends
-    ]
-    line = np.concatenate([ends[0][::-1][:1], channel.inside, ends[1][1:]])
-    solids = [sweep_trace(line, shape)]
-    for low, high in ends:
-        height = float(np.linalg.norm(high - low))
-        pad = m3.Manifold.cylinder(height, PAD_DIAMETER_MM / 2, PAD_DIAMETER_MM / 2, 2 * _SIDES)
-        solids.append(
-            triangle_kernel.from_plane_frame(pad, axes_from_normal((high - low) / height), low)
-        )
+def _make_trace(channel: Channel, surface: Surface, shape: TraceShape) -> Any:
+    """Return a trace that reaches out of the body, with a pad at each end.
+
+    A pad is level with the skin whatever the direction of the trace, so that its whole face shows.
+    """
+    first, last = (end.mouth + _OUTSIDE_MM * end.out for end in channel.ends)
+    solids = [sweep_trace(np.concatenate([[first], channel.inside, [last]]), shape)]
+    height = PAD_DEPTH_MM + _OUTSIDE_MM
+    pad = m3.Manifold.cylinder(height, PAD_DIAMETER_MM / 2, PAD_DIAMETER_MM / 2, 2 * _SIDES)
+    mouths = np.array([end.mouth for end in channel.ends])
+    normals = surface.normals[signed_distance_of(surface).closest(mouths)[1]]
+    for mouth, normal in zip(mouths, normals, strict=True):
+        low = mouth - PAD_DEPTH_MM * normal
+        solids.append(triangle_kernel.from_plane_frame(pad, axes_from_normal(normal), low))
     return triangle_kernel.union(solids)
 
 

@@ -51,6 +51,7 @@ def layout_limits(device: Device) -> Limits:
             is_cut=False,
             exits=exits,
             kept_whole=kept,
+            pad=PAD_DIAMETER_MM,
         )
     pocket = pocket_depth(device, bends=device.fabrication.strain_relief is True)
     prestretch = device.fabrication.prestretch

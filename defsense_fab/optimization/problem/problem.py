@@ -80,6 +80,7 @@ class Limits:
         is_cut: Whether the body is cut along the planes; it is not around printed traces.
         exits: Regions in which both ends of every cord leave the body; empty for anywhere.
         kept_whole: Bounded regions that no channel and no cut may cross.
+        pad: Diameter of the pads at the ends of printed traces, zero without pads.
     """
 
     wall: float
@@ -93,6 +94,7 @@ class Limits:
     is_cut: bool = True
     exits: tuple[Shape, ...] = ()
     kept_whole: tuple[Shape, ...] = ()
+    pad: float = 0.0
 
     @property
     def lengths(self) -> str:
@@ -115,6 +117,22 @@ class Limits:
         rooms, gradients = zip(*(inset(shape, mouths) for shape in self.exits), strict=True)
         best, row = np.argmax(rooms, axis=0), np.arange(len(mouths))
         return np.stack(rooms)[best, row] + EXIT_TOLERANCE_MM, np.stack(gradients)[best, row]
+
+    def mouth_rooms(self, mouths: Float) -> list[tuple[Float, Float]]:
+        """Return how far points are inside what is allowed for the mouths of channels.
+
+        Args:
+            mouths: Points (n, 3), mm.
+
+        Returns:
+            For exits and for walls from pads to kept regions, where they apply: distances (n,) mm,
+            negative where a mouth is not allowed, and gradients (n, 3).
+        """
+        rooms = [self.exit_room(mouths)] if self.exits else []
+        if self.pad and self.kept_whole:
+            room, gradient = self.room_to_kept(mouths)
+            rooms.append((room - (self.pad - self.channel_diameter) / 2, gradient))
+        return rooms
 
     def room_to_kept(self, points: Float) -> tuple[Float, Float]:
         """Return how far points are from what channels may come near to around kept regions.
