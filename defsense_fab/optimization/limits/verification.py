@@ -212,7 +212,7 @@ def _bend_radii(sensor: Sensor, points: Float) -> Float:
     radii = np.full(len(points), np.inf)
     radii[:: (len(points) - 1) // spans] = 1 / np.maximum(sharpest, 1e-9)
     radii[1], radii[-2] = min(radii[:2]), min(radii[-2:])  # those at the ends, too
-    return np.minimum(bend_radius(points), radii[1:-1])
+    return np.asarray(np.minimum(bend_radius(points), radii[1:-1]))
 
 
 def _check_exits(

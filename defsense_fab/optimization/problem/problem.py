@@ -15,6 +15,7 @@ from ...core.mesh import Surface
 from ...decoding.elimination import expected_square
 from ...decoding.expected_errors import affine_error_floor
 from ...decoding.ridge import FEATURES, Features
+from ...geometry.bodies.regions import EXIT_TOLERANCE_MM
 from ...geometry.kernels.surface_queries import SignedDistance, signed_distance_of
 from ...mechanics.elements.point_location import PointLocator
 from .cord_signals import CordCarrier, SignalModel
@@ -58,9 +59,6 @@ def green_strains(problem: Problem, points: Float) -> Float:
 
 
 _MIN_MARKER_MOTION_MM = 1e-6  # below, markers count as unmoved
-
-
-EXIT_TOLERANCE_MM = 0.2  # by which mouths may be outside of the regions of exits
 
 
 @dataclass(frozen=True)
