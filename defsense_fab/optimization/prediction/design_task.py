@@ -13,6 +13,7 @@ from ...core.device.device import DECODERS, Device, FabricationSpec
 from ...core.errors import DeviceError
 from ...core.mesh import Surface
 from ...decoding.expected_errors import NONE, UnseenStates, choose_unseen_states
+from ...geometry.bodies import regions
 from ...geometry.channels.channel_ends import MAX_INLET_SLOPE
 from ...geometry.channels.wire_channels import Wires
 from ...geometry.kernels.cutting_tools import Prism
@@ -56,6 +57,7 @@ def layout_limits(device: Device) -> Limits:
             is_cut=False,
             exits=exits,
             kept_whole=kept,
+            pad=room,
         )
     pocket = pocket_depth(device, bends=device.fabrication.strain_relief is True)
     prestretch = device.fabrication.prestretch
@@ -90,6 +92,50 @@ def layout_limits(device: Device) -> Limits:
         pocket=(_usual_pocket_depth(device), pocket_diameter(device)),
         exits=exits,
         kept_whole=kept,
+    )
+
+
+def check_exits(device: Device, surface: Surface) -> None:
+    """Check that both ends of a cord have room on the skin in the regions of exits.
+
+    Args:
+        device: The device.
+        surface: Surface of its body.
+
+    Raises:
+        DeviceError: The regions have no skin, or too little.
+    """
+    if not device.exits:
+        return
+    shapes = [device.regions[name] for name in device.exits]
+    skin = np.concatenate([regions.sample_skin(shape, surface) for shape in shapes])
+    needed = layout_limits(device).clearance
+    # No two points of the skin are further apart than the diagonal of its bounds.
+    extent = float(np.linalg.norm(np.ptp(skin, axis=0))) if len(skin) else 0.0
+    if extent >= needed:
+        return
+    names = ", ".join(map(repr, device.exits))
+    where, key = "device.toml: wires.exit", "wires.exit"
+    if not len(skin):
+        described = "; ".join(map(regions.describe_region, shapes))
+        raise DeviceError(
+            f"no skin of the body is in {names} ({described}), so nothing can leave the body there;"
+            f" the body extends {regions.describe_extent(surface)}",
+            code="exit-off-skin",
+            where=where,
+            action="Move or enlarge a region so that it contains skin, or name another one",
+            key=key,
+        )
+    what = "cord" if device.cord.trace is None else "trace"
+    raise DeviceError(
+        f"the skin in {names} is at most {extent:.1f} mm wide, and the ends of a {what} need"
+        f" {needed:.1f} mm from each other",
+        code="exit-too-small",
+        where=where,
+        action="Enlarge a region, or name another one",
+        key=key,
+        extent=extent,
+        needed=needed,
     )
 
 

@@ -19,7 +19,12 @@ from ...optimization.limits.verification import LayoutCheck, verify
 from ...optimization.prediction.as_built import assumed_cords, score_paths
 from ...optimization.prediction.built_devices import predict_built_devices
 from ...optimization.prediction.choose_layout import Trial, choose_layout
-from ...optimization.prediction.design_task import DesignTask, candidate_decoders, load_task
+from ...optimization.prediction.design_task import (
+    DesignTask,
+    candidate_decoders,
+    check_exits,
+    load_task,
+)
 from ...optimization.prediction.predict import ScoredLayout, left_out_error, predict
 from ...optimization.refinement.refine import (
     OptimizedLayout,
@@ -95,7 +100,9 @@ def run(
 
     Raises:
         LayoutError: No layout keeps the limits.
+        DeviceError: The regions of exits have no room on the skin.
     """
+    check_exits(device, build.surface)
     observer = SearchObserver(build.folder, watch)
     use_plain_fields(build)
     task = load_task(device, build)

@@ -121,3 +121,14 @@ def test_traces_whose_pads_touch_are_refused():
 def test_a_trace_outside_of_the_body_is_refused():
     with raises(FabricationError, "path-leaves-body"):
         make(straight("a", 12))
+
+
+def test_the_pad_of_a_slanted_trace_is_level_with_the_skin():
+    """All of its face shows, although the trace leaves the body at 45 degrees."""
+    parts = make(trace("a", [[-28, 0, 0], [-10, 0, 0], [10, 0, 0], [22, 0, 0], [26, 0, 4]]))
+    surface = parts.traces[0].surface
+    corners = surface.vertices[surface.faces]
+    is_on_top = (corners[:, :, 2] > 5 - 1e-6).all(axis=1)
+    a, b, c = (corners[is_on_top, i] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    assert area == pytest.approx(np.pi / 4 * (PIN.diameter**2 - PIN.hole_diameter**2), rel=0.02)

@@ -75,7 +75,13 @@ def write_device(folder, **changes):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    folder = write_device(tmp_path_factory.mktemp("printed"))
+    """A bar with a hole to spare that is smaller than the edges of its mesh."""
+    changes = {
+        "[regions]": "[regions]\nhole = { cylinder = { start = [5, 8, -15], end = [5, 8, 15],"
+        " radius = 1.0 } }",
+        "[fabrication]": '[fabrication]\nkeep_whole = ["hole"]',
+    }
+    folder = write_device(tmp_path_factory.mktemp("printed"), **changes)
     assert main(["build", str(folder)]) == DONE
     return folder
 
@@ -118,6 +124,13 @@ def test_the_band_has_the_spread_of_the_filament(folder):
     spread, traits = device.cord.trace.spread, TwinTraits.for_device(device)
     assert (band.gauge, band.resistance) == (spread, spread)
     assert (traits.building.gauge, traits.rubber.ohm_spread) == (spread, spread)
+
+
+def test_traces_and_pads_keep_a_wall_to_a_kept_region(folder):
+    parts = folder / "build" / "parts"
+    for name in ("trace-1", "trace-2"):
+        x, y, _ = trimesh.load_mesh(parts / f"{name}.stl").sample(20000, seed=0).T
+        assert np.hypot(x - 5, y - 8).min() > 1.0 + 1.2 - 0.05
 
 
 def test_the_stiffness_of_the_traces_is_in_the_prediction(folder):
@@ -190,6 +203,8 @@ def test_a_file_that_is_no_gcode_is_refused(folder):
     [
         ({'"ninjaflex-85a"': '"ecoflex-00-30"'}, "trace-too-stiff"),
         ({'"fdm-tpu"': '"polyjet"'}, "printer-without-second-extruder"),
+        ({'"fdm-tpu"': '"fdm-tpu"\nline = 0.8'}, "trace-too-thin"),
+        ({'"fdm-tpu"': '"fdm-tpu"\nlayer = 0.5'}, "trace-too-thin"),
         ({"searches = 1": "searches = 1\nplanes = 1"}, "key-not-applicable"),
         ({"[fabrication]": '[wires]\npad = "bolt"\n\n[fabrication]'}, "value-choice"),
         ({"[fabrication]": NARROW}, "exit-too-small"),
