@@ -65,8 +65,13 @@ class PoseForces:
         largest = max(self.held, key=lambda h: abs(h.push))
         at = f" (at {self.state})" if not self.state.endswith("@1") else ""
         torque = largest.torque / _N_MM_PER_N_M
-        more = f", {torque:.2g} N m" if torque > 0 else ""
-        return f"{self.pose}: {abs(largest.push):.2g} N at {largest.place!r}{more}{at}"
+        more = f", {_short(torque)} N m" if torque > 0 else ""
+        return f"{self.pose}: {_short(abs(largest.push))} N at {largest.place!r}{more}{at}"
+
+
+def _short(value: float) -> str:
+    """Return a number with two significant digits, as in 0.077 and 440."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 @dataclass(frozen=True)

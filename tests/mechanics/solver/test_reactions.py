@@ -64,6 +64,27 @@ def test_a_couple_bends_a_slender_bar(slender):
     assert tip.push == pytest.approx(2 * moment / LENGTH, rel=0.01)
 
 
+def test_traces_stiffen_a_slender_bar_like_a_composite_beam(slender):
+    """The stiffness of two traces at +-h adds 2 (E_trace - E) (A h^2 + I_trace) to E I."""
+    width, height, trace, at = 1.2, 0.8, 40.0, 3.0
+    fibers = [
+        Fibers.of_trace(
+            np.array([[0.0, 0.1, z], [LENGTH, 0.1, z]]),
+            (width, height),
+            np.array([0.0, 0.0, 1.0]),
+            (trace, YOUNG),
+            poisson=NU,
+        )
+        for z in (-at, at)
+    ]
+    angle = np.deg2rad(4)
+    conditions = held(slender, [0, angle, 0], FREE, fibers=fibers[0] + fibers[1])
+    (tip,) = react(slender, conditions)
+    added = 2 * (trace - YOUNG) * (width * height * at**2 + width * height**3 / 12)
+    assert tip.moment[1] == pytest.approx((BENDING + added) * angle / LENGTH, rel=0.02)
+    assert added > 0.3 * BENDING
+
+
 def test_a_force_bends_a_slender_bar(slender):
     """F = 3 E I d / L^3 where the end may turn; shear adds 0.2 % of compliance."""
     tip = react(slender, held(slender, NONE, [np.nan, 0, 4.0], np.eye(3)[1:2]))[0]
