@@ -126,6 +126,7 @@ def _print_result(result: BuildResult, device: Device) -> None:
     if has_layout(results):
         print_lines(f"note: {warning}" for warning in results.layout.warnings)
         _print_layout(results.layout, device.cord.noun)
+        print_lines(f"force: {pose.describe()}" for pose in results.forces.poses)
     if has_parts(results):
         _print_parts(results.manifest)
 

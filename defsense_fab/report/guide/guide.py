@@ -41,6 +41,7 @@ class Guide:
         checks: Table of the measurements of the parts.
         strips: Templates of the cords at 1:1.
         faces: Templates of the joints' faces at 1:1.
+        forces: A line on the force of each pose.
     """
 
     device: str
@@ -53,6 +54,7 @@ class Guide:
     checks: GuideTable
     strips: tuple[CordTemplate, ...]
     faces: tuple[FaceTemplate, ...]
+    forces: tuple[str, ...] = ()
 
     @property
     def title(self) -> str:

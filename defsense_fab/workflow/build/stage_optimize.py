@@ -38,6 +38,7 @@ from ...optimization.studies.risks import check_cord_count, find_risks
 from ...sensing.built_cord import BuiltCord
 from ...sensing.response import mean_strain, segment_strain_range
 from ...store.build import Build
+from ...store.forces import save_forces
 from ...store.layout import (
     CordPath,
     CordRecord,
@@ -52,8 +53,9 @@ from ...store.layout import (
 from ..design.session_shares import session_shares
 from .continued_layout import EarlierLayout
 from .layout_searches import MapTasks, Search, SearchObserver, SearchRunner
+from .pose_forces import pose_forces
 from .stages import Report, Watch
-from .traced_poses import MIN_SIGNAL_CHANGE, stiffen, use_plain_fields
+from .traced_poses import MIN_SIGNAL_CHANGE, Stiffening, stiffen, use_plain_fields
 
 # The fewer the cords, the less time a search takes, and the more its random choices matter.
 _CORD_SEARCHES = 15  # searches times cords
@@ -129,8 +131,11 @@ def run(
     stiffness: tuple[str, ...] = ()
     if device.cord.trace is not None and chosen.relief is not None:
         others = [t for t in trials if t is not chosen]
-        task, chosen, stiffness = _stiffen(device, build, task, chosen, report, choose)
-        trials = (chosen, *others)
+        task, chosen, effect = _stiffen(device, build, task, chosen, report, choose)
+        trials, stiffness, build.forces = (chosen, *others), (effect.describe(),), effect.forces
+    else:
+        build.forces = pose_forces(device, build.quadratic_mesh, build.plain_fields)
+    save_forces(build.folder, build.forces)
     record = _layout_record(device, build, task, chosen, trials)
     warnings = (*record.warnings, *stiffness)
     build.layout = replace(record, continued=how, warnings=warnings)
@@ -158,11 +163,11 @@ def _stiffen(
     chosen: Trial,
     report: Report,
     choose: Callable[[DesignTask, Sequence[OptimizedLayout]], tuple[Trial, tuple[Trial, ...]]],
-) -> tuple[DesignTask, Trial, tuple[str, ...]]:
+) -> tuple[DesignTask, Trial, Stiffening]:
     """Predict a layout of printed traces with their stiffness, and improve it where that matters.
 
     Returns:
-        The task with the poses of the stiffened body, the layout made on trial, and notes.
+        The task with the poses of the stiffened body, the layout made on trial, and the effect.
     """
     assert chosen.relief is not None
     effect = stiffen(device, build, task, tuple(chosen.relief.channels), report)
@@ -174,7 +179,7 @@ def _stiffen(
     if best.relief is not None and best.layout.sensors is not chosen.layout.sensors:
         effect = stiffen(device, build, task, tuple(best.relief.channels), report)
         best, _ = choose(effect.task, [best.layout])
-    return effect.task, best, (effect.describe(),)
+    return effect.task, best, effect
 
 
 def _continue(

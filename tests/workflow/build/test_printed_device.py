@@ -16,6 +16,7 @@ from defsense_fab.geometry.printing.slicer_settings import slice_with_prusa
 from defsense_fab.sensing.built_cord import CordReading
 from defsense_fab.store.build import Build
 from defsense_fab.twin.devices.twin_traits import TwinTraits
+from defsense_fab.workflow.build.pose_forces import pose_forces
 from defsense_fab.workflow.fabrication.printed import place_on_bed
 from tests.support.body_scripts import write_bar
 from tests.support.errors import raises
@@ -138,6 +139,16 @@ def test_the_stiffness_of_the_traces_is_in_the_prediction(folder):
     build = Build(folder / "build")
     change = np.abs(build.fields.displacements - build.plain_fields.displacements).max()
     assert 1e-3 < change < 5.0
+
+
+def test_traces_make_poses_take_more_force(folder):
+    build = Build(folder / "build")
+    assert [p.pose for p in build.forces.poses] == ["bend_up", "bend_down", "twist"]
+    assert 1.0 < build.forces.traces < 2.0
+    device = load_device(folder)
+    plain = pose_forces(device, build.quadratic_mesh, build.plain_fields)
+    for before, after in zip(plain.poses, build.forces.poses, strict=True):
+        assert before.power < after.power
 
 
 def test_the_guide_has_no_joints_and_cords(folder):
