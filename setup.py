@@ -69,7 +69,7 @@ class BuildKernels(build_ext):
 KERNELS = Extension(
     "defsense_fab.core.machine.kernels",
     sorted(p.as_posix() for p in Path("kernels").glob("*.c")),
-    depends=["kernels/kernels.h", "setup.py"],
+    depends=["kernels/kernels.h", "kernels/cords.h", "setup.py"],
     define_macros=[("Py_LIMITED_API", "0x030B0000")],
     py_limited_api=True,
 )

@@ -1,26 +1,24 @@
-/* Cords in all states, and derivatives of their signals; see optimization/problem/cord_loops.py.
+/* Cords in all states, and their signals; see optimization/problem/cord_loops.py.
    States are the innermost index. */
-#include "kernels.h"
+#include "cords.h"
 
-#define MIN_LENGTH_MM 1e-300 /* added to lengths: coincident points have zero derivatives */
-
-/* For each corner of a tet, the nodes on its three edges and the corners at their other ends. */
-static const int ON_EDGES[4][3] = {{4, 6, 7}, {4, 5, 8}, {5, 6, 9}, {7, 8, 9}};
-static const int BEYOND[4][3] = {{1, 2, 3}, {0, 2, 3}, {1, 0, 3}, {0, 1, 2}};
+#define LEVEL_SLOPE 0.1      /* below, a trace is printed in steps of less than a layer over its width */
 
 /* How cords sense; see cord_signals.py. */
 typedef struct {
     int64_t is_local;
     double hidden, series, contact_square;
     const double *breaks, *origins, *pieces;
-    int64_t count; /* of breaks */
+    int64_t count;         /* of breaks */
+    const double *section; /* of printed traces, see TraceSection.values; null for cords */
 } Answer;
-enum { ANSWER_ARGS = 7, LINES_ARGS = 6 };
+enum { ANSWER_ARGS = 8 };
 
 static Answer read_answer(const Arg *a)
 {
     Answer answer = {a[0].count, a[1].number, a[2].number, a[3].number,
-                     a[4].data,  a[5].data,   a[6].data,   a[4].size[0]};
+                     a[4].data,  a[5].data,   a[6].data,   a[4].size[0],
+                     a[7].size[0] ? a[7].data : NULL};
     return answer;
 }
 
@@ -41,7 +39,7 @@ int run_evaluate_response(const Arg *a)
     const double *strain = a[0].data;
     double *out = a[4].data;
     int64_t count = a[0].size[0];
-    Answer r = {0, 0, 0, 0, a[1].data, a[2].data, a[3].data, a[1].size[0]};
+    Answer r = {0, 0, 0, 0, a[1].data, a[2].data, a[3].data, a[1].size[0], NULL};
     for (int64_t k = 0; k < count; k++)
         out[k] = respond(strain[k], &r, out + count + k);
     return DONE;
@@ -77,12 +75,52 @@ int run_move_points(const Arg *a)
     return DONE;
 }
 
-/* Return the distance of point p from the previous point. */
-static inline double segment_length(const double *points, int64_t p)
+/* Return the length of level trace that conducts like a segment of a printed trace, and fill its
+   derivatives (3) by the segment's end. A segment that rises by `rise` over a level distance `level`
+   has the length l, the area height * level / l + pi/4 width * rise / l, and the resistivity
+   (level^2 + between_layers * rise^2) / l^2 along it. A rise counts less below LEVEL_SLOPE, so that
+   derivatives are continuous where a path is level. */
+static double conducting_length(const double *step, const double *section, double *by_step)
 {
-    const double *a = points + 3 * (p - 1), *b = points + 3 * p;
-    double x = b[0] - a[0], y = b[1] - a[1], z = b[2] - a[2];
-    return sqrt(x * x + y * y + z * z) + MIN_LENGTH_MM;
+    const double *up = section;
+    double between_layers = section[3], widening = section[4];
+    double height = step[0] * up[0] + step[1] * up[1] + step[2] * up[2], across[3], level = 0.0;
+    for (int d = 0; d < 3; d++) {
+        across[d] = step[d] - height * up[d];
+        level += across[d] * across[d];
+    }
+    level = sqrt(level);
+    double bend = LEVEL_SLOPE * level, size = sqrt(height * height + bend * bend) + MIN_LENGTH_MM;
+    double sine = height / size, rise = height * sine;
+    double area = level + widening * rise + MIN_LENGTH_MM;
+    double length = (level * level + between_layers * rise * rise) / area;
+    double by_level = (2 * level - length) / area;
+    double by_rise = (2 * between_layers * rise - widening * length) / area;
+    double by_height = by_rise * sine * (2 - sine * sine);
+    by_level -= by_rise * LEVEL_SLOPE * sine * sine * bend / size;
+    for (int d = 0; d < 3; d++)
+        by_step[d] = by_height * up[d] + by_level * across[d] / (level + MIN_LENGTH_MM);
+    return length;
+}
+
+/* Fill rows (p, 4): for the segment that ends at a point its resistance per length, as a multiple of
+   that of a level trace, and the derivatives of its conducting length by the segment's end. */
+static void fill_conduction(const double *points, int64_t first, int64_t last,
+                            const double *section, double *conduction)
+{
+    memset(conduction + 4 * first, 0, 4 * sizeof(double));
+    for (int64_t p = first + 1; p < last; p++) {
+        double *row = conduction + 4 * p, step[3];
+        for (int d = 0; d < 3; d++)
+            step[d] = points[3 * p + d] - points[3 * (p - 1) + d];
+        row[0] = conducting_length(step, section, row + 1) / segment_length(points, p);
+    }
+}
+
+int run_fill_conduction(const Arg *a)
+{
+    fill_conduction(a[0].data, 0, a[0].size[0], a[1].data, a[2].data);
+    return DONE;
 }
 
 /* Fill the strained share of each segment: the part at least `hidden` mm from both line ends. Return
@@ -148,14 +186,26 @@ static void add_ends(const double *points, const Answer *answer, const double *s
    the strained part. For a local response the deformed length is the sum of L (1 + w) over the
    segments, as if they were stretched by w instead of their strain. `bent` (2, p, s), unless null,
    receives the derivatives of the strained length by the deformed and the rest lengths of the segments
-   that end at each point. `lengths` (s) and `shares` (p) are scratch. */
+   that end at each point. All lengths of a printed trace are those of a level trace that conducts
+   alike: `conduction` (p, 4) receives what `fill_conduction` computes, and bent[1] the derivatives by the
+   conducting lengths of segments whose strain stays; both are for traces only. `lengths` (s) and `shares`
+   (p) are scratch. */
 static void fill_signal(const double *points, int64_t count, const double *moved, int64_t first,
                         int64_t last, const Answer *answer, int64_t states, double *steps,
-                        double *shares, double *lengths, double *out, double *bent)
+                        double *shares, double *lengths, double *out, double *bent,
+                        double *conduction)
 {
     double *by_rest = bent ? bent + count * states : NULL;
     int64_t start, ends;
     double rest = find_strained(points, first, last, answer->hidden, shares, &start, &ends);
+    if (answer->section) { /* a trace has no hidden part */
+        fill_conduction(points, first, last, answer->section, conduction);
+        rest = MIN_LENGTH_MM;
+        for (int64_t p = first + 1; p < last; p++) {
+            shares[p] = conduction[4 * p];
+            rest += shares[p] * segment_length(points, p);
+        }
+    }
     measure(moved, first, last, states, shares, steps, lengths);
     if (answer->is_local)
         memset(lengths, 0, (size_t)states * sizeof(double));
@@ -177,7 +227,16 @@ static void fill_signal(const double *points, int64_t count, const double *moved
                 by_rest[states * p + s] = 0.0;
             }
     }
-    if (bent && answer->hidden > 0 && start < ends) {
+    if (bent && answer->section)
+        for (int64_t p = first + 1; p < last; p++) {
+            double own = segment_length(points, p), slope;
+            for (int64_t s = 0; s < states; s++) {
+                double stretch = steps[states * p + s] / own;
+                by_rest[states * p + s] =
+                    answer->is_local ? 1 + respond(stretch - 1, answer, &slope) : stretch;
+            }
+        }
+    else if (bent && answer->hidden > 0 && start < ends) {
         add_ends(points, answer, steps, shares, states, start, first + 1, start, by_rest);
         add_ends(points, answer, steps, shares, states, ends, ends + 1, last, by_rest);
     }
@@ -205,10 +264,11 @@ int run_fill_signals(const Arg *a)
     double *out = a[12 + ANSWER_ARGS].data;
     int64_t count = a[0].size[1], states = a[12 + ANSWER_ARGS].size[1];
     int64_t *cell = malloc((size_t)(count + 1) * sizeof(int64_t));
-    double *scratch = malloc((size_t)(5 * count + 4 * (count + 1) * states) * sizeof(double));
+    double *scratch = malloc((size_t)(9 * count + 4 * (count + 1) * states) * sizeof(double));
     int status = cell && scratch ? DONE : OUT_OF_MEMORY;
     if (status == DONE) {
-        double *bary = scratch, *shares = bary + 4 * count, *moved = shares + count;
+        double *bary = scratch, *conduction = bary + 4 * count;
+        double *shares = conduction + 4 * count, *moved = shares + count;
         double *steps = moved + 3 * states * count, *lengths = steps + states * count;
         double *signals = lengths + states;
         for (int64_t c = 0; c < a[0].size[0]; c++) {
@@ -216,26 +276,13 @@ int run_fill_signals(const Arg *a)
             locate_path(path, count, &grid, across, cell, bary);
             move_points(cell, bary, count, cells, nodal, 3 * states, moved);
             fill_signal(path, count, moved, 0, count, &answer, states, steps, shares, lengths,
-                        signals, NULL);
+                        signals, NULL, conduction);
             memcpy(out + states * c, signals, (size_t)states * sizeof(double));
         }
     }
     free(scratch);
     free(cell);
     return status;
-}
-
-/* Lines in all states, as carry_lines fills them; see Lines. */
-typedef struct {
-    int64_t *cell;
-    double *bary, *moved, *steps, *signals, *bent;
-} Lines;
-
-static Lines read_lines(const Arg *a)
-{
-    Lines lines = {a[0].data, a[1].data, a[2].data, a[3].data,
-                   a[4].data, a[5].size[1] ? a[5].data : NULL};
-    return lines;
 }
 
 int run_carry_lines(const Arg *a)
@@ -254,196 +301,7 @@ int run_carry_lines(const Arg *a)
     for (int64_t c = 0; c < a[1].size[0] - 1; c++)
         fill_signal(points, count, lines.moved, ends[c], ends[c + 1], &answer, states,
                     lines.steps, lengths + states, lengths, lines.signals + 3 * states * c,
-                    lines.bent);
+                    lines.bent, lines.conduction);
     free(lengths);
-    return DONE;
-}
-
-/* Fill the derivatives (p, 3 s) of the lines' signals by the deformed points: the weighted unit vector of
-   the segment that ends at a point, minus that of the next one. The weights are the line's `weights`
-   (m, s) and, if any, the segment's derivatives bent[0]. One more row of `pulls` is scratch. */
-HOT static void fill_pulls(const int64_t *ends, int64_t lines, const Lines *of, int64_t states,
-                           const double *weights, double *RESTRICT pulls)
-{
-    size_t row = (size_t)(3 * states) * sizeof(double);
-    memset(pulls + 3 * states * ends[lines], 0, row);
-    for (int64_t c = 0; c < lines; c++) {
-        const double *w = weights + states * c;
-        memset(pulls + 3 * states * ends[c], 0, row);
-        for (int64_t p = ends[c] + 1; p < ends[c + 1]; p++) {
-            const double *step = of->steps + states * p;
-            const double *to = of->moved + 3 * states * p, *from = to - 3 * states;
-            double *RESTRICT out = pulls + 3 * states * p;
-            for (int64_t s = 0; s < states; s++)
-                out[s] = w[s] / step[s];
-            for (int64_t i = 2; i >= 0; i--) /* the factors are in the first row until the end */
-                for (int64_t s = 0; s < states; s++)
-                    out[states * i + s] = out[s] * (to[states * i + s] - from[states * i + s]);
-            for (int64_t i = 0; of->bent && i < 3; i++)
-                for (int64_t s = 0; s < states; s++)
-                    out[states * i + s] *= of->bent[states * p + s];
-        }
-    }
-    for (int64_t k = 0; k < 3 * states * ends[lines]; k++)
-        pulls[k] -= pulls[k + 3 * states];
-}
-
-/* Add a multiple of x (s) to y. */
-static inline void add_multiple(double factor, const double *RESTRICT x, int64_t states,
-                                double *RESTRICT y)
-{
-    for (int64_t s = 0; s < states; s++)
-        y[s] += factor * x[s];
-}
-
-/* Derivatives (p, 3, s) of each line's signals by its points, without the part by the rest lengths.
-   `by_corner` (4 s) is scratch. */
-HOT static void slopes_of_moves(const Lines *of, int64_t points, const int64_t *cells,
-                                const double *by_bary, const double *nodal, int64_t states,
-                                const double *pulls, double *RESTRICT by_corner,
-                                double *RESTRICT out)
-{
-    int64_t width = 3 * states;
-    for (int64_t p = 0; p < points; p++) {
-        int64_t e = of->cell[p];
-        const int64_t *n = cells + 10 * e;
-        const double *v = pulls + width * p;
-        for (int i = 0; i < 4; i++) {
-            const double *b = of->bary + 4 * p;
-            double w0 = 4 * b[i] - 1, w1 = 4 * b[BEYOND[i][0]];
-            double w2 = 4 * b[BEYOND[i][1]], w3 = 4 * b[BEYOND[i][2]];
-            const double *x0 = nodal + width * n[i], *x1 = nodal + width * n[ON_EDGES[i][0]];
-            const double *x2 = nodal + width * n[ON_EDGES[i][1]];
-            const double *x3 = nodal + width * n[ON_EDGES[i][2]];
-            double *RESTRICT corner = by_corner + states * i;
-            for (int64_t s = 0; s < states; s++) {
-                int64_t t = states + s, u = 2 * states + s;
-                double x = w0 * x0[s] + w1 * x1[s] + w2 * x2[s] + w3 * x3[s];
-                double y = w0 * x0[t] + w1 * x1[t] + w2 * x2[t] + w3 * x3[t];
-                double z = w0 * x0[u] + w1 * x1[u] + w2 * x2[u] + w3 * x3[u];
-                corner[s] = v[s] * x + v[t] * y + v[u] * z;
-            }
-        }
-        for (int i = 0; i < 3; i++) {
-            const double *g = by_bary + 12 * e + i;
-            double *RESTRICT row = out + width * p + states * i;
-            for (int64_t s = 0; s < states; s++)
-                row[s] = g[0] * by_corner[s] + g[3] * by_corner[states + s] +
-                         g[6] * by_corner[2 * states + s] + g[9] * by_corner[3 * states + s];
-        }
-    }
-}
-
-int run_fill_slopes(const Arg *a)
-{
-    const double *points = a[0].data;
-    const int64_t *ends = a[1].data;
-    Lines of = read_lines(a + 5);
-    double *out = a[5 + LINES_ARGS].data;
-    int64_t count = a[0].size[0], lines = a[1].size[0] - 1, states = a[8].size[1];
-    double *scratch = calloc((size_t)((lines + 3 * (count + 1) + 4) * states + 1), sizeof(double));
-    if (!scratch)
-        return OUT_OF_MEMORY;
-    double *weights = scratch, *by_corner = weights + lines * states;
-    double *pulls = by_corner + 4 * states;
-    for (int64_t c = 0; c < lines; c++)
-        memcpy(weights + states * c, of.signals + states * (3 * c + 1),
-               (size_t)states * sizeof(double));
-    fill_pulls(ends, lines, &of, states, weights, pulls);
-    slopes_of_moves(&of, count, a[2].data, a[3].data, a[4].data, states, pulls, by_corner, out);
-    for (int64_t c = 0; c < lines; c++) {
-        const double *by_rest = of.signals + states * (3 * c + 2), *w = weights + states * c;
-        for (int64_t p = ends[c] + 1; p < ends[c + 1]; p++) {
-            double inverse = 1 / segment_length(points, p);
-            for (int64_t i = 0; i < 3; i++) {
-                double step = inverse * (points[3 * p + i] - points[3 * (p - 1) + i]);
-                double *after = out + states * (3 * p + i), *before = after - 3 * states;
-                add_multiple(step, by_rest, states, after);
-                add_multiple(-step, by_rest, states, before);
-                if (of.bent) {
-                    const double *b = of.bent + states * (count + p);
-                    for (int64_t s = 0; s < states; s++) {
-                        after[s] += step * w[s] * b[s];
-                        before[s] -= step * w[s] * b[s];
-                    }
-                }
-            }
-        }
-    }
-    free(scratch);
-    return DONE;
-}
-
-/* Fill h (10), the products of v (width) with the rows of the tet's nodes. Each is summed in four
-   parts, which fit a vector of the processor. */
-HOT static void products(const double *RESTRICT v, int64_t width, const int64_t *RESTRICT nodes,
-                         const double *RESTRICT nodal, double *RESTRICT h)
-{
-    for (int n = 0; n < 10; n++) {
-        const double *x = nodal + width * nodes[n];
-        double a = 0.0, b = 0.0, c = 0.0, d = 0.0;
-        int64_t k = 0;
-        for (; k + 4 <= width; k += 4) {
-            a += v[k] * x[k];
-            b += v[k + 1] * x[k + 1];
-            c += v[k + 2] * x[k + 2];
-            d += v[k + 3] * x[k + 3];
-        }
-        for (; k < width; k++)
-            a += v[k] * x[k];
-        h[n] = (a + b) + (c + d);
-    }
-}
-
-/* Derivatives (p, 3) of fill_slopes times `by_signals` (s, m). */
-int run_pull_signals(const Arg *a)
-{
-    const double *points = a[0].data, *by_bary = a[3].data, *nodal = a[4].data;
-    const int64_t *ends = a[1].data, *cells = a[2].data;
-    const double *by_signals = a[5].data;
-    Lines of = read_lines(a + 6);
-    double *out = a[6 + LINES_ARGS].data, h[10];
-    int64_t count = a[0].size[0], lines = a[1].size[0] - 1, states = a[9].size[1];
-    double *weights = calloc((size_t)((lines + 3 * (count + 1)) * states + 1), sizeof(double));
-    if (!weights)
-        return OUT_OF_MEMORY;
-    double *pulls = weights + lines * states;
-    for (int64_t c = 0; c < lines; c++)
-        for (int64_t s = 0; s < states; s++)
-            weights[states * c + s] =
-                by_signals[lines * s + c] * of.signals[states * (3 * c + 1) + s];
-    fill_pulls(ends, lines, &of, states, weights, pulls);
-    for (int64_t p = 0; p < count; p++) {
-        const double *b = of.bary + 4 * p, *by = by_bary + 12 * of.cell[p];
-        products(pulls + 3 * states * p, 3 * states, cells + 10 * of.cell[p], nodal, h);
-        double *sum = out + 3 * p;
-        sum[0] = sum[1] = sum[2] = 0.0;
-        for (int i = 0; i < 4; i++) {
-            double x = (4 * b[i] - 1) * h[i];
-            for (int j = 0; j < 3; j++)
-                x += 4 * b[BEYOND[i][j]] * h[ON_EDGES[i][j]];
-            for (int d = 0; d < 3; d++)
-                sum[d] += x * by[3 * i + d];
-        }
-    }
-    for (int64_t c = 0; c < lines; c++) {
-        const double *by_rest = of.signals + states * (3 * c + 2), *w = weights + states * c;
-        double rest = 0.0;
-        for (int64_t s = 0; s < states; s++)
-            rest -= by_signals[lines * s + c] * by_rest[s];
-        for (int64_t p = ends[c] + 1; p < ends[c + 1]; p++) {
-            double own = rest;
-            if (of.bent)
-                for (int64_t s = 0; s < states; s++)
-                    own -= w[s] * of.bent[states * (count + p) + s];
-            double inverse = own / segment_length(points, p);
-            for (int d = 0; d < 3; d++) {
-                double step = inverse * (points[3 * p + d] - points[3 * (p - 1) + d]);
-                out[3 * p + d] -= step;
-                out[3 * (p - 1) + d] += step;
-            }
-        }
-    }
-    free(weights);
     return DONE;
 }

@@ -18,7 +18,8 @@ enum { MAX_ARGS = 32 };
 #define PLACED "d:p,r d:p,e d:3,3 d:t,3,3 d:2,3"
 #define GRID "d:3 x l:3 l:* l:* d:e,3 d:e,4,3"
 #define TETS "l:e,10 d:e,4,3 d:n,3s"
-#define ANSWER "t x x x d:b d:b+1 d:b+1,4"
+#define ANSWER "t x x x d:b d:b+1 d:b+1,4 d:?5v"
+#define LINES "l:p d:p,4 d:p,3s d:p,s d:m,3,s d:2,?p,s d:?p,4"
 
 /* Name, specification and first line of help of each kernel. */
 #define KERNELS(X)                                                                                 \
@@ -49,15 +50,17 @@ enum { MAX_ARGS = 32 };
     X(find_points, "d:p,3 " GRID " k:p k:p L:p D:p,4", "Locate points in tets.")                   \
     X(locate_along_path, "d:p,3 " GRID " l:e,4 L:p D:p,4", "Locate a path's points in tets.")      \
     X(evaluate_response, "d:p d:b d:b+1 d:b+1,4 D:2,p", "Fill w and dw/deps at strains.")          \
+    X(fill_conduction, "d:p,3 d:5 D:p,4", "Fill how segments of printed traces conduct.")          \
     X(move_points, "l:p d:p,4 l:e,10 d:n,w D:p,w", "Fill deformed positions of points.")           \
     X(fill_signals, "d:c,p,3 " GRID " l:e,4 " TETS " " ANSWER " D:c,s",                            \
       "Fill the signals of paths.")                                                                \
     X(carry_lines,                                                                                 \
-      "d:p,3 l:m+1 " GRID " l:e,4 " TETS " " ANSWER " L:p D:p,4 D:p,3s D:p,s D:m,3,s D:2,?p,s",    \
+      "d:p,3 l:m+1 " GRID " l:e,4 " TETS " " ANSWER                                                \
+      " L:p D:p,4 D:p,3s D:p,s D:m,3,s D:2,?p,s D:?p,4",                                           \
       "Move lines by all states and fill their signals.")                                          \
-    X(fill_slopes, "d:p,3 l:m+1 " TETS " l:p d:p,4 d:p,3s d:p,s d:m,3,s d:2,?p,s D:p,3,s",         \
+    X(fill_slopes, "d:p,3 l:m+1 " TETS " " LINES " D:p,3,s",                                       \
       "Fill the derivatives of lines' signals by their points.")                                   \
-    X(pull_signals, "d:p,3 l:m+1 " TETS " d:s,m l:p d:p,4 d:p,3s d:p,s d:m,3,s d:2,?p,s D:p,3",    \
+    X(pull_signals, "d:p,3 l:m+1 " TETS " d:s,m " LINES " D:p,3",                                  \
       "Fill the derivatives by the points of a function of the signals.")                          \
     X(place_cord, "d:* l:f d:p,r d:e d:2,3 x D:r,e D:3 D:3,3 D:t,3,3 D:p,e D:p,3",                 \
       "Place a cord at parameters.")                                                               \

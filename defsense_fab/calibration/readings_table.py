@@ -28,7 +28,7 @@ _SIDES = {"top": 1, "neutral": 0, "bottom": -1}
 #: Displays of multimeters for an open circuit.
 _OPEN = {"ol", "o.l", "o.l.", "0l", "0.l", "open", "inf", "1."}
 _RADIUS_TOLERANCE_MM = 0.01
-_REPAIR_ACTION = "Repair the cord and measure again, or delete the row"
+_REPAIR_ACTION = "Repair it and measure again, or delete the row"
 _OHM_ACTION = "Give ohm, or delete the row"
 
 
@@ -72,7 +72,7 @@ def read_table(
         key = (piece, "flat" if np.isnan(radius) else radius, face)
         turn = _read_round(where, row, repetitions[key])
         repetitions[key] += 1
-        ohm = _read_resistance(table, line, row["resistance"])
+        ohm = read_resistance(table, line, row["resistance"])
         out.append((pieces.index(piece), geometry.strain(radius, side), radius, turn, ohm, where))
     if not out:
         raise CalibrationError(
@@ -158,13 +158,23 @@ def _read_round(where: str, row: dict[str, str], default: int) -> int:
     return int(row["round"])
 
 
-def _read_resistance(table: DelimitedTable, line: int, text: str) -> float:
+def read_resistance(table: DelimitedTable, line: int, text: str) -> float:
+    """Return the resistance in a cell of the column `resistance`, ohm.
+
+    Args:
+        table: The table.
+        line: Line of the cell.
+        text: Text of the cell.
+
+    Raises:
+        CalibrationError: The cell is empty, no number, or means an open or shorted circuit.
+    """
     where = table.place(line)
     if text.lower() in _OPEN:
         _fail(
             where,
             "resistance",
-            f"{text!r} means an open circuit: the cord or its joints are broken",
+            f"{text!r} means an open circuit: the conductor or its contacts are broken",
             "open-circuit",
             _REPAIR_ACTION,
         )
@@ -176,7 +186,7 @@ def _read_resistance(table: DelimitedTable, line: int, text: str) -> float:
         _fail(
             where,
             "resistance",
-            f"{text} ohm means that the cord or its joints are {state}",
+            f"{text} ohm means that the conductor or its contacts are {state}",
             "impossible-resistance",
             _REPAIR_ACTION,
             state=state,

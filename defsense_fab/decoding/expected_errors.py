@@ -70,7 +70,7 @@ HELD_OUT, LEFT_OUT, NONE = "held out", "left out", "none"
 
 #: Explanations, for users, of how unseen states were chosen.
 MEANING = {
-    HELD_OUT: "unseen states are the held-out ones: neither the cords' paths nor the decoder were"
+    HELD_OUT: "unseen states are the held-out ones: neither the paths nor the decoder were"
     " fitted to them. Only the few layouts that the search found and, with decoder = "
     '"auto", three kinds of decoders were compared on them',
     LEFT_OUT: "no states are held out: each amplitude and mixture was excluded from the decoder's"

@@ -18,6 +18,7 @@ import numpy as np
 from ..core.arrays import Float
 from ..core.curve import arc_lengths
 from ..core.device.device import CONVERTERS, Device
+from ..core.machine import kernels
 from .response import Response, build_response, cord_signals, mean_strain
 
 #: Standard deviation of the strain by which a held cord is stretched by hand during assembly.
@@ -34,7 +35,8 @@ class BuiltCord:
 
     Attributes:
         path: Path (p, 3) between its ends, which the body stretches, mm.
-        series: Length of cord before and after the path, which conducts and is not stretched, mm.
+        series: Length of cord before and after the path, which conducts and is not stretched, mm;
+            zero for a printed trace.
         prestretch: Strain at assembly; None for a bonded cord.
     """
 
@@ -54,7 +56,9 @@ class TraceSection:
 
     A trace is swept by an upright cylinder, and its beads follow it. So a level trace has the area
     width x height and conducts along its beads; a vertical one has the area of a disc and conducts
-    from layer to layer.
+    from layer to layer. Slopes below 1 in 10 count less, because they are printed in steps that are
+    lower than a layer over the trace's width. The formula, for predictions and searches alike, is
+    in `kernels/cords.c`.
 
     Attributes:
         width: Width across the path, mm.
@@ -68,19 +72,36 @@ class TraceSection:
     up: Float
     between_layers: float
 
+    @property
+    def values(self) -> Float:
+        """The section (5,) as compiled loops take it: up, between layers, and disc over level."""
+        disc = np.pi / 4 * self.width / self.height
+        return np.array([*self.up, self.between_layers, disc])
+
     def relative_resistance(self, path: Float) -> Float:
         """Return the resistance per length of the segments of a path (p, 3) mm.
 
         Returns:
             Multiples (p - 1,) of that of a level trace.
         """
-        step = np.diff(path, axis=0)
-        rise = np.abs(step @ self.up) / np.maximum(np.linalg.norm(step, axis=1), 1e-12)
-        rise = np.minimum(rise, 1.0)
-        level = np.sqrt(1 - rise**2)
-        area = self.height * level + np.pi / 4 * self.width * rise
-        resistivity = level**2 + self.between_layers * rise**2
-        return np.asarray(resistivity * self.height / area)
+        out = np.empty((len(path), 4))
+        kernels.fill_conduction(np.ascontiguousarray(path, float), self.values, out)
+        return out[1:, 0]
+
+    def resistance_shares(self, path: Float) -> tuple[Float, Float]:
+        """Return the parts of the resistance along beads and between layers.
+
+        Args:
+            path: Points (p, 3), mm.
+
+        Returns:
+            For each segment (p - 1,) the resistance per length along beads, and that between
+            layers if these conducted as well as beads, as multiples of that of a level trace.
+        """
+        along, both = (
+            replace(self, between_layers=k).relative_resistance(path) for k in (0.0, 1.0)
+        )
+        return along, both - along
 
 
 @dataclass(frozen=True)
@@ -117,9 +138,7 @@ class CordReading:
         """Return the resistance between the joints at rest, ohm."""
         if self.section is not None:
             ratio = self.section.relative_resistance(cord.path)
-            steps = np.diff(arc_lengths(cord.path))
-            mean = float((ratio * steps).sum() / steps.sum())
-            return self.ohm_per_mm * mean * (cord.length + cord.series)
+            return self.ohm_per_mm * float(ratio @ np.diff(arc_lengths(cord.path)))
         return self.ohm_per_mm * (
             self.conducting_length(cord.length, cord.prestretch) + cord.series
         )
@@ -164,6 +183,10 @@ class CordReading:
     def noise_at(self, resistance: Float) -> Float:
         """Return the standard deviations (...) for cords of rest resistances (...) in ohm."""
         return np.asarray(np.hypot(self.relative, np.sqrt(2) * self.contact / resistance))
+
+    def scale_resistance(self, factor: float) -> CordReading:
+        """Return the readings of a cord with `factor` times the resistance at rest."""
+        return replace(self, ohm_per_mm=factor * self.ohm_per_mm)
 
     def scale_gauge_factor(self, factor: float, compression: float = 1.0) -> CordReading:
         """Return the readings of a cord with another gauge factor.

@@ -12,6 +12,7 @@ from ..mechanics.elements.point_location import PointLocator
 from ..mechanics.elements.tet10 import QuadraticMesh
 from .body import BodyRecord, load_body_record, load_solid, load_surface
 from .fields import FieldIndex, Fields, load_fields, load_index
+from .forces import ForcesRecord, load_forces
 from .layout import (
     LayoutRecord,
     PredictionRecord,
@@ -95,6 +96,11 @@ class Build:
     def plain_fields(self) -> Fields:
         """Displacements and strains of all states, without traces."""
         return load_fields(self.folder)
+
+    @cached_property
+    def forces(self) -> ForcesRecord:
+        """The forces that hold the device in its poses."""
+        return load_forces(self.folder)
 
     @cached_property
     def layout(self) -> LayoutRecord:

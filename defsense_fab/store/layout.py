@@ -217,6 +217,7 @@ class BandRecord:
         family: The cord's kind of memory; empty if it is not known.
         without_memory: Median RMSE in a session by noise and tolerances alone, mm; None if that of
             unseen states is meant.
+        resistance: Relative standard deviation of the traces' resistances at rest; zero for cords.
     """
 
     median: float
@@ -233,15 +234,20 @@ class BandRecord:
     frames: int
     family: str = ""
     without_memory: float | None = None
+    resistance: float = 0.0
 
     @property
     def noise_part(self) -> float:
         """RMSE (mm) that noise and tolerances cause of the one expected after training."""
         return self.median if self.without_memory is None else self.without_memory
 
-    def describe_trained(self) -> str:
-        """Return the expected error as a sentence without its period."""
-        t, cords = self.trained, _on_cords(self.family)
+    def describe_trained(self, noun: str = "cord") -> str:
+        """Return the expected error as a sentence without its period.
+
+        Args:
+            noun: What the text calls a sensor, "cord" or "trace".
+        """
+        t, cords = self.trained, f" on {self.family} {noun}s" if self.family else ""
         return (
             f"{t.median:.2f} mm expected after training{cords} ({t.low:.2f} to {t.high:.2f} in 90"
             f" of 100 devices); {self.noise_part:.2f} mm of it from noise and tolerances"
@@ -258,7 +264,7 @@ class BandRecord:
         if family in self.families:
             t = self.families[family]
             text = (
-                f"{t.median:.2f} mm expected after training{_on_cords(family)} ({t.low:.2f} to"
+                f"{t.median:.2f} mm expected after training on {family} cords ({t.low:.2f} to"
                 f" {t.high:.2f} in 90 of 100 devices)"
             )
         position = "inside" if t.low <= measured <= t.high else "outside"
@@ -266,10 +272,6 @@ class BandRecord:
             f"By the design, {text}. Measured: {measured:.2f} mm, {position} this range; expected /"
             f" measured {t.median / measured:.2f}."
         )
-
-
-def _on_cords(family: str) -> str:
-    return f" on {family} cords" if family else ""
 
 
 @dataclass(frozen=True)

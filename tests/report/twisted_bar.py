@@ -97,7 +97,9 @@ def twisted_bar(folder: Path, cells: tuple[int, int, int] = (12, 4, 4)) -> Twist
         _manifest(parts, paths),
         SimpleNamespace(sensors=[_record(name, path) for name, path in paths.items()]),
         SimpleNamespace(
-            name="bar <!-- & </script>", fabrication=SimpleNamespace(wire_diameter=0.8)
+            name="bar <!-- & </script>",
+            fabrication=SimpleNamespace(wire_diameter=0.8),
+            cord=SimpleNamespace(noun="cord", trace=None),
         ),
         _surface_errors(mesh),
     )

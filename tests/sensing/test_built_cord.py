@@ -10,6 +10,7 @@ from defsense_fab.sensing.built_cord import (
     PRESTRETCH_SPREAD,
     BuiltCord,
     CordReading,
+    TraceSection,
     held_response,
     quantization_noise,
     required_prestretch,
@@ -110,3 +111,41 @@ def test_quantization_noise_by_sampling():
     # The dither itself adds as much again as the steps do.
     assert off.std() == pytest.approx(np.sqrt(2) * quantization_noise("arduino"), rel=0.05)
     assert quantization_noise("ads1115") < quantization_noise("arduino") / 5
+
+
+@pytest.mark.parametrize(
+    ("direction", "expected"),
+    [
+        ((1, 0, 0), 1.0),
+        ((0, -3, 0), 1.0),
+        ((0, 0, 2), 3.0 * 0.8 / (np.pi / 4 * 1.2)),  # from layer to layer, through a disc
+        ((0, 0, -2), 3.0 * 0.8 / (np.pi / 4 * 1.2)),
+        ((1, 0, 1), 2.0 * 0.8 * np.sqrt(2) / (0.8 + np.pi / 4 * 1.2)),
+    ],
+)
+def test_a_trace_conducts_by_its_direction(direction, expected):
+    """Between level and vertical, both resistivities count by the squared cosines."""
+    section = TraceSection(1.2, 0.8, np.array([0.0, 0.0, 1.0]), 3.0)
+    path = np.array([[1.0, 2, 3], np.add((1.0, 2, 3), direction)])
+    assert section.relative_resistance(path)[0] == pytest.approx(expected, rel=0.01)
+
+
+def test_a_trace_that_is_nearly_level_conducts_like_a_level_one():
+    """There is no kink, so that searches have continuous derivatives."""
+    section = TraceSection(1.2, 0.8, np.array([0.0, 0.0, 1.0]), 3.0)
+    rises = np.array([-1e-4, 1e-4])
+    paths = [np.array([[0.0, 0, 0], [1, 0, rise]]) for rise in rises]
+    for path in paths:
+        assert section.relative_resistance(path)[0] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_trace_has_the_resistance_of_its_segments():
+    section = TraceSection(1.2, 0.8, np.array([0.0, 0.0, 1.0]), 3.0)
+    reading = CordReading(Response.line(2.0), 125.0, 0.003, 50.0, section)
+    path = np.array([[0.0, 0, 0], [60, 0, 0], [60, 0, 20]])
+    vertical = 3.0 * 0.8 / (np.pi / 4 * 1.2)
+    ohm = 125.0 * (60 + 20 * vertical)
+    trace = BuiltCord(path, 0.0, None)
+    assert reading.resistance(trace) == pytest.approx(ohm)
+    stretched = (path * [1.1, 1, 1])[None]
+    assert reading.signals(trace, stretched)[0] == pytest.approx(0.2 * 60 * 125 / ohm)

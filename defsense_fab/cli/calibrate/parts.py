@@ -9,7 +9,12 @@ from cyclopts import Parameter
 
 from ...core.errors import DeviceError
 from ...core.response import CORD_OFFSET_MM
-from ...workflow.calibrate.options import CLEARANCES_MM, PrintOptions, SpecimenOptions
+from ...workflow.calibrate.options import (
+    CLEARANCES_MM,
+    PrintOptions,
+    SpecimenOptions,
+    TraceOptions,
+)
 from ..app import command
 from ..device import DeviceFolder
 from ..output import (
@@ -20,14 +25,18 @@ from ..output import (
     progress_bars,
     standard_output,
 )
+from .traces import SLICE
 
 if TYPE_CHECKING:
     from ...workflow.calibrate.clearance import Clearance
 
 _SPECIMEN, _PRINTING, _OUTPUT = SpecimenOptions(), PrintOptions(), OutputOptions()
+_TRACES = TraceOptions()
 
 specimen = command(
-    "specimen", "defsense calibrate specimen my-specimen --length 150 --thickness 15 --offset 2"
+    "specimen",
+    "defsense calibrate specimen my-specimen --length 150 --thickness 15 --offset 2",
+    "defsense calibrate specimen my-printed-specimen --trace eel",
 )
 coupon = command("coupon", "defsense calibrate coupon my-coupon --clearances 0.1,0.2,0.3,0.4")
 clearance = command(
@@ -44,21 +53,28 @@ def _specimen(
     *,
     options: Annotated[SpecimenOptions, Parameter(name="*")] = _SPECIMEN,
     printing: Annotated[PrintOptions, Parameter(name="*")] = _PRINTING,
+    traces: Annotated[TraceOptions, Parameter(name="*")] = _TRACES,
     output: OutputOptions = _OUTPUT,
 ) -> None:
     """Write the bending specimen and its jigs for printing.
 
     The specimen is a bar with three channels (near the bottom, in the neutral plane, near the top),
     split into two halves for inserting the cords. The rigid jigs with end stops bend it to known
-    strains. Print the halves in the device's soft material and the jigs in a rigid one.
+    strains. Print the halves in the device's soft material and the jigs in a rigid one. With
+    --trace or --device, the specimen is printed in one piece with conductive traces instead.
 
     Args:
         folder: Folder for the files.
     """
     from ...workflow.calibrate.calibration_parts import write_specimen
+    from ...workflow.calibrate.traced_parts import choose_traces, write_traced_specimen
 
+    chosen = choose_traces(traces, printing)
     with progress_bars(output) as progress:
-        data = write_specimen(folder, options, printing, progress).data
+        if chosen is None:
+            data = write_specimen(folder, options, printing, progress).data
+        else:
+            data = write_traced_specimen(folder, chosen, options, progress).data
     with standard_output():
         if output.json:
             print_json(data)
@@ -69,7 +85,8 @@ def _specimen(
 def _print_specimen(data: dict[str, Any], folder: Path) -> None:
     from rich.table import Table
 
-    table = Table(title="Strain of the cords (%)")
+    is_printed = "traces" in data
+    table = Table(title=f"Strain of the {'traces' if is_printed else 'cords'} (%)")
     for column in ("jig", "neutral radius (mm)", *data["channels"]):
         table.add_column(column, justify="left" if column == "jig" else "right")
     for jig in data["jigs"]:
@@ -79,14 +96,22 @@ def _print_specimen(data: dict[str, Any], folder: Path) -> None:
     lines = [f"warning: {warning}" for warning in data["warnings"]]
     if data["offset"] != CORD_OFFSET_MM:
         lines.append(
-            f"note: the outer cords are {data['offset']:g} mm from bottom and top. For tables, run"
-            f" 'defsense calibrate fit' with --offset {data['offset']:g}."
+            f"note: the outer {'traces' if is_printed else 'cords'} are {data['offset']:g} mm from"
+            " bottom and top. For tables, run 'defsense calibrate fit' with --offset"
+            f" {data['offset']:g}."
         )
-    lines += [
-        f"Look at: {folder}",
-        "Next:    print the halves in the device's material and the jigs in a rigid one; glue the"
-        " cords into their grooves along the whole length, and then the halves together",
-    ]
+    lines += [f"Look at: {folder}"]
+    if is_printed:
+        ohm = data["traces"][0]["resistance"]
+        lines += [
+            f"Next:    slice the specimen: {SLICE.format(folder=folder)}; print the jigs in a rigid"
+            f" material; connect both pads of each trace, on the end faces: about {ohm:.0f} ohm"
+        ]
+    else:
+        lines += [
+            "Next:    print the halves in the device's material and the jigs in a rigid one; glue"
+            " the cords into their grooves along the whole length, and then the halves together"
+        ]
     print_lines(lines)
 
 

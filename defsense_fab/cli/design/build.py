@@ -125,7 +125,8 @@ def _print_result(result: BuildResult, device: Device) -> None:
         print_lines([describe_states(results.field_index.states, device.states)])
     if has_layout(results):
         print_lines(f"note: {warning}" for warning in results.layout.warnings)
-        _print_layout(results.layout)
+        _print_layout(results.layout, device.cord.noun)
+        print_lines(f"force: {pose.describe()}" for pose in results.forces.poses)
     if has_parts(results):
         _print_parts(results.manifest)
 
@@ -142,8 +143,8 @@ def _describe_mesh(mesh: MeshRecord) -> list[str]:
     ]
 
 
-def _print_layout(layout: LayoutRecord) -> None:
-    """Print the predicted errors of the layout, and notes on them."""
+def _print_layout(layout: LayoutRecord, noun: str) -> None:
+    """Print the predicted errors of a layout of cords or traces, and notes on them."""
     from rich.table import Table
 
     from ...workflow.build.results import MEANING
@@ -156,7 +157,7 @@ def _print_layout(layout: LayoutRecord) -> None:
     table.add_row("  90 % of devices", "", f"{band.trained.low:.2f} to {band.trained.high:.2f}")
     for family, errors in band.families.items():
         limits = f"{errors.median:.2f} ({errors.low:.2f} to {errors.high:.2f})"
-        table.add_row(f"  with {family} cords", "", limits)
+        table.add_row(f"  with {family} {noun}s", "", limits)
     table.add_row("  by noise and tolerances alone", "", f"{band.noise_part:.2f}")
     table.add_row("  with the affine decoder", "", f"{band.affine.median:.2f}")
     table.add_row("by tolerances, unseen states", "", f"{band.median:.2f}")
@@ -175,13 +176,13 @@ def _print_layout(layout: LayoutRecord) -> None:
     console().print(table)
     print_lines(
         [
-            f"{band.describe_trained()}.",
+            f"{band.describe_trained(noun)}.",
             f"note: {MEANING[best.how]}",
             *_note_continued(layout),
             *note_worse_than_start(layout),
-            *_describe_response(layout),
+            *_describe_response(layout, noun),
             *note_better_decoder(layout),
-            *_describe_trials(layout),
+            *_describe_trials(layout, noun),
         ]
     )
 
@@ -230,19 +231,19 @@ def note_worse_than_start(layout: LayoutRecord) -> list[str]:
     ]
 
 
-def _describe_response(layout: LayoutRecord) -> list[str]:
-    """Return a line on the measured response of the cords, if one was used."""
+def _describe_response(layout: LayoutRecord, noun: str) -> list[str]:
+    """Return a line on the measured response of the cords or traces, if one was used."""
     response = layout.response
     if response is None:
         return []
     low, high = response.interval
     return [
-        f"response of the cords: {response.file}, k_res {response.k_res:.2f} (95 %:"
+        f"response of the {noun}s: {response.file}, k_res {response.k_res:.2f} (95 %:"
         f" {low:.2f} to {high:.2f}), pieces differ by {response.spread:.1%}"
     ]
 
 
-def _describe_trials(layout: LayoutRecord) -> list[str]:
+def _describe_trials(layout: LayoutRecord, noun: str) -> list[str]:
     """Return a line on the layouts that were made for comparison, if there were several."""
     if len(layout.weighed) < 2:
         return []
@@ -250,6 +251,9 @@ def _describe_trials(layout: LayoutRecord) -> list[str]:
     for t in layout.weighed:
         if t.problem is not None:
             results.append(f"{t.designed:.2f} mm, cannot be made")
+            continue
+        if noun == "trace":  # one part, and no planes
+            results.append(f"{t.built:.2f} mm{' (chosen)' if t.chosen else ''}")
             continue
         planes = f"on {t.planes} plane{'' if t.planes == 1 else 's'}"
         slanted = "" if t.slanted else ", none slanted"

@@ -23,12 +23,28 @@ from ..output import (
 
 if TYPE_CHECKING:
     from ...workflow.study.cord_count import CordCountStudy
-    from ...workflow.study.parameter_study import StudyResult
+    from ...workflow.study.parameter_study import StudyResult, StudyRuns
 
 _DEFAULTS = StudyOptions()
 _NO_OUTPUT = OutputOptions()
 _MAX_SHOWN_RUNS = 10
 _MAX_SHOWN_MEASURES = 5
+_MAX_SHOWN_VARIANTS = 6
+#: Measures by which variants are compared, as far as runs have them.
+_COMPARED = (
+    "error",
+    "trained",
+    "trained_low",
+    "trained_high",
+    "force",
+    "torque",
+    "trace_work",
+    "cords",
+    "parts",
+    "r0_low",
+    "r0_high",
+    "failed_checks",
+)
 
 study = command(
     "study",
@@ -160,7 +176,9 @@ def _to_json(result: StudyResult) -> dict[str, Any]:
 def _print_runs(result: StudyResult, folder: Path) -> None:
     runs = result.runs
     print_lines([f"{len(runs.done)} runs of {result.points} points, {result.new_runs} of them new"])
-    console().print(_best_runs(result))
+    has_few = len(runs.done) <= _MAX_SHOWN_VARIANTS
+    is_comparison = bool(runs.study.file.variants) and has_few
+    console().print(_compare_runs(runs) if is_comparison else _best_runs(result))
     lines = []
     if runs.correlations:
         name = runs.study.file.main_measure
@@ -177,6 +195,28 @@ def _print_runs(result: StudyResult, folder: Path) -> None:
             f" defsense build {folder}"
         )
     print_lines(lines)
+
+
+def _compare_runs(runs: StudyRuns) -> Any:
+    """Return a table of runs next to each other, with a row for each parameter and measure."""
+    from rich.table import Table
+
+    from ...workflow.study.measures import describe_measure
+    from ...workflow.study.parameter_study import format_value
+
+    table = Table(title="Variants")
+    keys = [p.key for p in runs.study.parameters]
+    table.add_column("")
+    for run in runs.done:
+        table.add_column(str(run.parameters[keys[0]]), justify="right")
+    for key in keys[1:]:
+        table.add_row(key, *(format_value(run.parameters.get(key)) for run in runs.done))
+    file = runs.study.file
+    shown = [file.main_measure, *(m for m in _COMPARED if m in file.measures)]
+    for name in dict.fromkeys(shown):
+        values = (format_value(run.measures.get(name)) for run in runs.done)
+        table.add_row(f"{name}: {describe_measure(name)}", *values)
+    return table
 
 
 def _best_runs(result: StudyResult) -> Any:

@@ -1,4 +1,4 @@
-"""Command `defsense traces`: check the G-code of a device with printed traces."""
+"""Command `defsense traces`: check the G-code of a device or part with printed traces."""
 
 from __future__ import annotations
 
@@ -40,19 +40,24 @@ def _traces(
     """Check a sliced print for gaps, necks and bridges of its printed traces.
 
     Slice one of the device's 3MF files (docs/printed.md), and give the G-code before you print it.
+    Specimens and coupons with printed traces are checked the same way.
 
     Args:
-        folder: Set the folder that contains device.toml.
+        folder: Set the folder that contains device.toml, or that of a specimen or coupon.
         gcode: Set the G-code file of the slicer.
         tool: Set the number of the conductive extruder, T0, T1 and so on.
     """
-    from ...core.device.device_file import load_device
+    from ...core.device.device_file import DEVICE, load_device
     from ...workflow.build.results import last_build
-    from ...workflow.fabrication.gcode_check import check_gcode
+    from ...workflow.fabrication.gcode_check import check_calibration_gcode, check_gcode
+    from ...workflow.fabrication.print_design import DESIGN_FILE
 
-    device = load_device(folder)
     with silent_stdout():
-        checked = check_gcode(device, last_build(device), gcode, tool)
+        if (folder / DEVICE).is_file() or not (folder / DESIGN_FILE).is_file():
+            device = load_device(folder)
+            checked = check_gcode(device, last_build(device), gcode, tool)
+        else:
+            checked = check_calibration_gcode(folder, gcode, tool)
     with standard_output():
         if output.json:
             print_json(_to_plain(checked))
@@ -61,7 +66,7 @@ def _traces(
     findings = checked.report.findings
     if findings:
         raise FabricationError(
-            f"does not print {'this device' if len(findings) > 1 else 'a trace'} as designed:"
+            f"does not print {'its traces' if len(findings) > 1 else 'a trace'} as designed:"
             f" {len(findings)} finding{'s' * (len(findings) > 1)}",
             code="print-differs",
             where=gcode,

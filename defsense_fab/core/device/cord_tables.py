@@ -40,7 +40,7 @@ _SHEET_DEFAULT = "the row's; required without a row"
 PROCESSES = ("cord", "printed")
 #: Keys that only cords have, and keys that only traces have.
 _CORD_KEYS = ("name", "diameter", "ohm_per_mm", "ferrule_diameter", "ferrule_length", "length")
-_TRACE_KEYS = ("trace", "width", "height", "resistivity")
+_TRACE_KEYS = ("trace", "width", "height", "resistivity", "between_layers")
 #: Quantities of a filament that a device must state without a row.
 _TRACE_SHEET = ("resistivity", "gauge_factor", "max_strain", "modulus")
 #: Of a filament without a row, as assumed for the rows.
@@ -84,6 +84,13 @@ class CordTable(Table, frozen=True):
             "Resistivity of a printed trace along its beads: ten times the ohm cm that sellers"
             " give, and more, as printing raises it.",
             unit="Ω mm",
+            default="the filament's",
+        ),
+    ] = None
+    between_layers: Annotated[
+        Positive | None,
+        key(
+            "Resistivity of a printed trace from layer to layer, as a multiple of `resistivity`.",
             default="the filament's",
         ),
     ] = None
@@ -343,7 +350,7 @@ class CordTable(Table, frozen=True):
             self.height or _TRACE_HEIGHT_MM,
             self.resistivity or self._filament("resistivity"),
             self._filament("across"),
-            self._filament("between_layers"),
+            self.between_layers or self._filament("between_layers"),
             self.modulus or self._filament("young_modulus"),
             self._filament("spread"),
         )

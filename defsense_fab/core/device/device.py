@@ -13,6 +13,7 @@ from ..arrays import Float
 from ..curve import REST_FRAME, Hermite, Plane
 from ..response import MeasuredResponse, ResponseSpec
 from .filaments import TraceSpec
+from .pads import PadSpec
 from .regions import Shape
 
 BodyKind = Literal["script", "step", "mesh"]
@@ -260,6 +261,11 @@ class CordSpec:
     measured: MeasuredResponse | None = None
     trace: TraceSpec | None = None
 
+    @property
+    def noun(self) -> str:
+        """What texts call one sensor: "cord" or "trace"."""
+        return "cord" if self.trace is None else "trace"
+
 
 #: Converters that read the resistances: full scale of a conversion (counts) and conversions per
 #: sample.
@@ -393,6 +399,7 @@ class Device:
         seed: Seed of the random choices of the search for cords.
         searches: Largest number of searches; None for the number that the cords need.
         exits: Names of the regions in which wires leave the body; empty for anywhere.
+        pad: Pads of printed traces; None for cords.
     """
 
     name: str
@@ -415,6 +422,7 @@ class Device:
     seed: int = 1
     searches: int | None = None
     exits: tuple[str, ...] = ()
+    pad: PadSpec | None = None
 
     @property
     def simulated_material(self) -> MaterialSpec:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
+import numpy as np
 
 from ..errors import CalibrationError, DeviceError
 from ..schema.declare import Problem, Table, key, unknown_choice
@@ -27,15 +28,20 @@ from .device_tables import (
     WiresTable,
 )
 from .fabrication_table import FabricationTable
-from .filaments import TraceSpec
+from .filaments import TraceSpec, has_second_extruder
 from .material_table import MaterialTable
 from .materials import find_silicone
+from .pads import PADS
 from .pose_tables import PoseTable, StatesTable, check_pose_names, repeated_states
+from .regions import HalfSpace, hull_points
 from .sensor_tables import SensorTable
 
 DEVICE = "device.toml"
 #: Largest Young's modulus of a trace's filament, in moduli of the body.
 MAX_STIFFNESS_RATIO = 100.0
+#: Lines across and layers over each other in a trace. Sliced by PrusaSlicer 2.5, vertical traces of
+#: 1.3 to 1.7 lines had gaps, and a level one of 1.5 layers 1.6 times its resistance; 2 are enough.
+_MIN_TRACE_BEADS = 2
 
 
 class DeviceFile(Table, frozen=True, kw_only=True):
@@ -161,6 +167,8 @@ def read_device(
         problems.append(Problem(("cord", "response"), text, error.code, error.action))
     else:
         problems += _check_cord(declared, cord, fabrication)
+    exits = _exits(declared, poses)
+    problems += _check_pad(declared, exits)
     if problems or cord is None:
         document.refuse(problems)
     body = msgspec.structs.replace(
@@ -187,7 +195,8 @@ def read_device(
         converter=declared.readout.converter,
         seed=design.seed,
         searches=design.searches,
-        exits=_exits(declared, poses),
+        exits=exits,
+        pad=PADS[_pad_name(declared)] if declared.cord.is_printed else None,
     )
 
 
@@ -199,6 +208,37 @@ def _exits(declared: DeviceFile, poses: Sequence[Pose]) -> tuple[str, ...]:
         return ()
     held = set.intersection(*(set(pose.fixed) for pose in poses))
     return tuple(sorted(held))
+
+
+def _pad_name(declared: DeviceFile) -> str:
+    """Return the name of the pads of printed traces."""
+    return declared.wires.pad or next(iter(PADS))
+
+
+def _check_pad(declared: DeviceFile, exits: Sequence[str]) -> Iterator[Problem]:
+    """Yield problems of the pads of printed traces, and of the regions that they are in."""
+    if not declared.cord.is_printed:
+        if declared.wires.pad is not None:
+            text = "cords have no pads, only printed traces do"
+            yield Problem(("wires", "pad"), text, "key-not-applicable", "Remove it")
+        return
+    if not exits or any(name not in declared.regions for name in exits):
+        return
+    shapes = [declared.regions[name].shape() for name in exits]
+    if any(isinstance(shape, HalfSpace) for shape in shapes):
+        return
+    # Regions are solid: the skin in one is at most as wide as its second largest side.
+    width = max(float(np.sort(np.ptp(hull_points(shape), axis=0))[1]) for shape in shapes)
+    pad = PADS[_pad_name(declared)]
+    if width < pad.room:
+        yield Problem(
+            ("wires", "pad" if declared.wires.exit is None else "exit"),
+            f"pads for {pad.name!r} need {pad.room:g} mm, and no region of exits"
+            f" ({', '.join(exits)}) is wider than {width:.3g} mm",
+            "exit-too-small",
+            "Enlarge a region, name another one in exit, or use smaller pads",
+            {"pad": pad.name, "needed": pad.room, "width": width},
+        )
 
 
 def _printed_whole(fabrication: FabricationSpec) -> FabricationSpec:
@@ -277,13 +317,26 @@ def _check_agreement(declared: DeviceFile) -> Iterator[Problem]:
 def _check_traces(declared: DeviceFile, trace: TraceSpec) -> Iterator[Problem]:
     """Yield problems of traces that cannot be printed as [fabrication] and [body] state."""
     row = declared.fabrication.row
-    if not row["name"].startswith("fdm"):
+    if not has_second_extruder(row["name"]):
         yield Problem(
             ("fabrication", "process"),
             f"printed traces need a printer with two extruders, and {row['name']!r} has none",
             "printer-without-second-extruder",
             "Use a process whose name starts with fdm",
         )
+    f = declared.fabrication.record()
+    for name, size, bead, beads in (
+        ("width", trace.width, f.line, "lines"),
+        ("height", trace.height, f.layer, "layers"),
+    ):
+        if size < _MIN_TRACE_BEADS * bead * (1 - 1e-9):
+            yield Problem(
+                ("cord", name),
+                f"a trace of {size:g} mm has less than {_MIN_TRACE_BEADS} {beads} of {bead:g} mm"
+                " and would have gaps",
+                "trace-too-thin",
+                f"Use {_MIN_TRACE_BEADS * bead:g} mm or more, or less [fabrication] {beads[:-1]}",
+            )
     if declared.design.planes is not None:
         text = "printed traces need no planes, as the body is not cut"
         yield Problem(("design", "planes"), text, "key-not-applicable", "Remove it")

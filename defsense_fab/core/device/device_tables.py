@@ -22,6 +22,7 @@ from .device import (
     MeshSpec,
     OutputsSpec,
 )
+from .pads import PADS
 from .regions import Box, Cylinder, HalfSpace, Shape, Sphere, shape_problem
 
 _BODY_KINDS: tuple[BodyKind, ...] = ("script", "step", "mesh")
@@ -288,7 +289,7 @@ class ReadoutTable(Table, frozen=True):
 
 
 class WiresTable(Table, frozen=True):
-    """Where wires leave the body."""
+    """Where wires leave the body, and how they are connected to printed traces."""
 
     exit: Annotated[
         tuple[str, ...] | None,
@@ -296,6 +297,15 @@ class WiresTable(Table, frozen=True):
             "Regions in which both ends of every cord or trace leave the body, so that it goes out"
             " and comes back; `[]` allows any place.",
             default="any place; of printed traces, the regions that all poses hold",
+        ),
+    ] = None
+    pad: Annotated[
+        str | None,
+        key(
+            "Pads in which printed traces end, for a `screw` with a washer, an `eyelet` below a"
+            " screw, a `spring-pin`, or conductive `thread` (`docs/printed.md` has drawings).",
+            default=f"`{next(iter(PADS))}` with printed traces",
+            choices=PADS,
         ),
     ] = None
 

@@ -78,6 +78,11 @@ class TraceSpec:
         return math.hypot(self.width, self.height)
 
 
+def has_second_extruder(process: str) -> bool:
+    """Return whether a process of `printers.csv` can print traces within a body."""
+    return process.startswith("fdm")
+
+
 @cache
 def read_filaments() -> Mapping[str, Mapping[str, Quantity]]:
     """Return the quantities of each conductive filament by name; do not change them."""

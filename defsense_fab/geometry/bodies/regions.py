@@ -7,13 +7,16 @@ from __future__ import annotations
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere, hull_points
+from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere, hull_points, inset
 from ...core.mesh import Surface
 from ..kernels.surface_queries import signed_distance_of
 from .repair.findings import describe_point
 
 #: Distance of points that stand for regions which pins and wires avoid, mm.
 KEPT_SPACING_MM = 2.0
+#: Distance by which mouths may be outside of the regions of exits, mm.
+EXIT_TOLERANCE_MM = 0.2
+_SKIN_SAMPLES = 40_000  # of the triangles that a region may meet
 #: Grid points along each side of the box in which body and region may meet.
 GRID_POINTS = 24
 
@@ -40,6 +43,26 @@ def holds_body(shape: Shape, surface: Surface) -> bool:
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     points = points[shape.contains(points)]
     return bool(signed_distance_of(surface).inside(points).any()) if len(points) else False
+
+
+def sample_skin(shape: Shape, surface: Surface) -> Float:
+    """Return points (n, 3) mm of a body's skin in a region, evenly spread; none without skin.
+
+    Args:
+        shape: The region, which counts as slightly larger, so that it may end at the skin.
+        surface: Surface of the body.
+    """
+    low, high = region_bounds(shape)
+    corners = surface.vertices[surface.faces]
+    is_near = (corners.max(1) > low - EXIT_TOLERANCE_MM) & (
+        corners.min(1) < high + EXIT_TOLERANCE_MM
+    )
+    faces = surface.faces[is_near.all(axis=1)]
+    if not len(faces):
+        return np.zeros((0, 3))
+    nearby = Surface(surface.vertices, faces)
+    points = nearby.scatter(_SKIN_SAMPLES, np.random.default_rng(0))
+    return np.asarray(points[inset(shape, points)[0] > -EXIT_TOLERANCE_MM])
 
 
 def region_bounds(shape: Shape) -> tuple[Float, Float]:

@@ -35,7 +35,8 @@ class Channel:
         runs: How far the tool continues from the path's ends, mm.
         ends: Both ends.
         tools: Tools that shape the ends.
-        solid: The whole channel with the wires' leads, for manifold3d.
+        solid: The whole channel with the wires' leads, for manifold3d; None for a printed trace.
+        is_trace: Whether it is the line of a printed trace, which is bonded up to the skin.
     """
 
     sensor: Sensor
@@ -46,6 +47,12 @@ class Channel:
     ends: tuple[End, End]
     tools: tuple[Tool, ...]
     solid: Any
+    is_trace: bool = False
+
+    @property
+    def noun(self) -> str:
+        """What texts call it: "trace" or "cord"."""
+        return "trace" if self.is_trace else "cord"
 
     @property
     def name(self) -> str:
@@ -63,10 +70,15 @@ class Channel:
 
     @property
     def sensing(self) -> Float:
-        """The part (p, 3) of the cord's path outside its pockets, mm, with p as in `sample_path`.
-        Parts in a pocket and straight runs to the skin are not strained.
+        """The part (p, 3) of a cord that is strained, mm, with points as dense as in `sample_path`.
+
+        Of a cord it is the path outside of its pockets, without the straight runs to the skin. Of a
+        trace it is the whole line.
         """
         path = sample_path(self.sensor)
+        if self.is_trace:
+            count = round(len(path) * self.length / float(arc_lengths(path)[-1]))
+            return resample(self.inside, 0.0, self.length, count)
         hidden = [max(0.0, e.pocket - i) for e, i in zip(self.ends, self.inlets, strict=True)]
         return resample(path, hidden[0], float(arc_lengths(path)[-1]) - hidden[1], len(path))
 
@@ -151,13 +163,16 @@ def make_channels(
     return out
 
 
-def make_trace_lines(sensors: Sequence[Sensor], body: Surface, width: float) -> list[Channel]:
+def make_trace_lines(
+    sensors: Sequence[Sensor], body: Surface, width: float, pad_depth: float
+) -> list[Channel]:
     """Return the lines of printed traces from skin to skin, without a channel's solids.
 
     Args:
         sensors: The traces.
         body: Surface of the body.
         width: Width of the traces, mm.
+        pad_depth: Depth of the pads at their ends, which take the place of pockets, mm.
 
     Raises:
         FabricationError: If a path leaves the body or bends too tightly.
@@ -166,8 +181,9 @@ def make_trace_lines(sensors: Sequence[Sensor], body: Surface, width: float) -> 
     for sensor in sensors:
         t = _trace(sensor, body, width)
         mouths = [(t.inside[0], t.inside[1]), (t.inside[-1], t.inside[-2])]
-        first, last = (End(a, (a - b) / np.linalg.norm(a - b), 0.0, "") for a, b in mouths)
-        out.append(Channel(sensor, t.line, t.inside, t.inlets, t.runs, (first, last), (), None))
+        first, last = (End(a, (a - b) / np.linalg.norm(a - b), pad_depth, "") for a, b in mouths)
+        ends = (first, last)
+        out.append(Channel(sensor, t.line, t.inside, t.inlets, t.runs, ends, (), None, True))
     return out
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +11,7 @@ import manifold3d as m3
 import numpy as np
 
 from ...core.arrays import Float, format_point
+from ...core.device.pads import PadSpec
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ..bodies.regions import KEPT_SPACING_MM, fill_region
@@ -18,30 +19,31 @@ from ..channels.cord_channels import Channel
 from ..kernels import triangle_kernel
 from ..kernels.cutting_tools import axes_from_normal
 from . import engraving
+from .printed_pads import OUTSIDE_MM, PlacedPad, note_bends, place_pads
 from .records import Check, Part, PartRules, PartSet
 from .wall_checks import check_cord_walls
 
-PAD_DIAMETER_MM, PAD_DEPTH_MM = 4.0, 1.2  # of the contact at each end: an M2 screw or a crimp
 _SIDES = 16  # of a trace's upright section
 _SAG_MM = 0.02  # between the trace and its path
-_OUTSIDE_MM = 0.5  # by which solids reach out of the body before they are cut flush
 _MAX_SLIVER_MM3 = 5.0  # of the body, left out as a void next to a trace
 _MAX_OVERLAP_MM3 = 1e-6  # of two traces
 
 
 @dataclass(frozen=True)
 class TraceShape:
-    """Section of the traces as they are printed.
+    """Section of the traces as they are printed, and the pads in which they end.
 
     Attributes:
         width: Width across the path, mm.
         height: Height along `up`, mm.
         up: Unit direction (3,) that points up as the body is printed.
+        pad: The pads.
     """
 
     width: float
     height: float
     up: Float
+    pad: PadSpec
 
 
 def sweep_trace(line: Float, shape: TraceShape) -> Any:
@@ -95,28 +97,25 @@ def make_printed(
         One part, with the traces in `PartSet.traces`.
 
     Raises:
-        FabricationError: A wall is too thin, traces touch, or a trace is not in one piece.
+        FabricationError: A wall is too thin, traces touch, a pad is across an edge, or a trace is
+            not in one piece.
     """
     report(0.1, "sweeping traces")
     body = triangle_kernel.to_manifold(surface, "the body")
     checks = check_cord_walls(channels, surface, rules)
+    pads = place_pads(channels, surface, shape.pad)
     hollows = [(c.inside, rules.channel / 2) for c in channels]
-    hollows += [(fill_region(shape, KEPT_SPACING_MM), KEPT_SPACING_MM) for shape in rules.kept]
+    hollows += [(pad.axis, shape.pad.room / 2) for pair in pads for pad in pair]
+    hollows += [(fill_region(region, KEPT_SPACING_MM), KEPT_SPACING_MM) for region in rules.kept]
     seats = engraving.place_seats(surface, rules.seats, rules.tag, hollows, rules.wall, [])
     flat = triangle_kernel.cut_out(body, [t for s in seats for t in s.tools])
-    solids = [_make_trace(c, shape) ^ flat for c in channels]
-    for (a, one), (b, other) in itertools.combinations(zip(channels, solids, strict=True), 2):
-        if float((one ^ other).volume()) > _MAX_OVERLAP_MM3:
-            raise FabricationError(
-                f"touches trace {b.name!r}, pads included",
-                code="traces-touch",
-                where=f"trace {a.name!r}",
-                action="Move their ends apart",
-                traces=(a.name, b.name),
-            )
-    report(0.6, "cutting traces out of the body")
-    whole, left_out = _drop_slivers(flat - triangle_kernel.union(solids))
-    traces = tuple(_make_part(c.name, s, shape.up) for c, s in zip(channels, solids, strict=True))
+    for pad in itertools.chain(*pads):
+        pad.check(flat)
+    flat -= triangle_kernel.union([pad.holes for pair in pads for pad in pair])
+    report(0.3, "cutting traces out of the body")
+    swept = {c.name: make_trace(c.inside, shape, p) for c, p in zip(channels, pads, strict=True)}
+    whole, solids, left_out = cut_traces_out(flat, swept)
+    traces = tuple(_make_part(name, solid, shape.up) for name, solid in solids.items())
     part = _make_part("1-whole", whole, shape.up)
     bodies = (whole,)
     part_set = PartSet(
@@ -128,7 +127,7 @@ def make_printed(
         seats=tuple(seats),
         channels=tuple(channels),
         checks=(*checks, *_check_volumes(float(flat.volume()) - left_out, part, traces)),
-        warnings={},
+        warnings=note_bends(pads, surface),
         cut_out=float(body.volume()) - float(whole.volume()),
         body_volume=float(body.volume()),
         rules=rules,
@@ -138,21 +137,48 @@ def make_printed(
     return replace(part_set, traces=traces)
 
 
-def _make_trace(channel: Channel, shape: TraceShape) -> Any:
-    """Return a trace that reaches out of the body, with a pad at each end."""
-    ends = [
-        end.mouth + np.array([-PAD_DEPTH_MM, _OUTSIDE_MM])[:, None] * end.out
-        for end in channel.ends
-    ]
-    line = np.concatenate([ends[0][::-1][:1], channel.inside, ends[1][1:]])
-    solids = [sweep_trace(line, shape)]
-    for low, high in ends:
-        height = float(np.linalg.norm(high - low))
-        pad = m3.Manifold.cylinder(height, PAD_DIAMETER_MM / 2, PAD_DIAMETER_MM / 2, 2 * _SIDES)
-        solids.append(
-            triangle_kernel.from_plane_frame(pad, axes_from_normal((high - low) / height), low)
-        )
-    return triangle_kernel.union(solids)
+def cut_traces_out(body: Any, traces: Mapping[str, Any]) -> tuple[Any, dict[str, Any], float]:
+    """Divide a body into its traces and the rest.
+
+    Args:
+        body: Solid (manifold3d) of the body.
+        traces: Solids that reach out of the body, by name.
+
+    Returns:
+        The body without traces, the traces cut flush with its skin, and the volume (mm^3) of
+        slivers that are left out as voids.
+
+    Raises:
+        FabricationError: Traces touch, or cut the body in pieces.
+    """
+    solids = {name: trace ^ body for name, trace in traces.items()}
+    for (a, one), (b, other) in itertools.combinations(solids.items(), 2):
+        if float((one ^ other).volume()) > _MAX_OVERLAP_MM3:
+            raise FabricationError(
+                f"touches trace {b!r}, pads included",
+                code="traces-touch",
+                where=f"trace {a!r}",
+                action="Move their ends apart",
+                traces=(a, b),
+            )
+    whole, left_out = _drop_slivers(body - triangle_kernel.union(list(solids.values())))
+    return whole, solids, left_out
+
+
+def make_trace(line: Float, shape: TraceShape, pads: tuple[PlacedPad, PlacedPad]) -> Any:
+    """Return a trace that reaches out of the body, with a pad at each end.
+
+    Args:
+        line: Center line (p, 3) from skin to skin, mm.
+        shape: Section of the trace.
+        pads: The pads at both ends.
+    """
+    first, last = (
+        end + OUTSIDE_MM * (end - before) / np.linalg.norm(end - before)
+        for end, before in ((line[0], line[1]), (line[-1], line[-2]))
+    )
+    reaching = np.concatenate([first[None], line, last[None]])
+    return triangle_kernel.union([sweep_trace(reaching, shape), *(pad.solid for pad in pads)])
 
 
 def _drop_slivers(whole: Any) -> tuple[Any, float]:

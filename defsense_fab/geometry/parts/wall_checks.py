@@ -102,7 +102,7 @@ def check_cord_walls(channels: Sequence[Channel], body: Surface, rules: PartRule
                 f"leaves a wall of {depth[k] - radius:.2f} mm to the skin near"
                 f" {format_point(channel.inside[k])}, and {rules.wall:.2f} mm is needed",
                 code="wall-too-thin",
-                where=f"cord {channel.name!r}",
+                where=f"{channel.noun} {channel.name!r}",
                 action="Move it inwards",
                 cord=channel.name,
                 wall=float(depth[k]) - radius,
@@ -112,7 +112,7 @@ def check_cord_walls(channels: Sequence[Channel], body: Surface, rules: PartRule
         if np.isfinite(full_depth[k]):
             checks.append(
                 Check(
-                    f"wall from cord {channel.name} to the skin",
+                    f"wall from {channel.noun} {channel.name} to the skin",
                     float(full_depth[k]) - radius,
                     rules.wall - CHANNEL_TOLERANCE_MM,
                     "mm",
@@ -124,14 +124,14 @@ def check_cord_walls(channels: Sequence[Channel], body: Surface, rules: PartRule
             distance, _ = cKDTree(other.inside).query(channel.inside)
             k = int(distance.argmin())
             wall = float(distance[k]) - 2 * radius
-            name = f"wall from cord {channel.name} to cord {other.name}"
+            name = f"wall from {channel.noun} {channel.name} to {other.noun} {other.name}"
             limit = rules.wall - 2 * CHANNEL_TOLERANCE_MM
             if wall < limit:
                 raise FabricationError(
                     f"leave a wall of {wall:.2f} mm near {format_point(channel.inside[k])}, and"
                     f" {rules.wall:.2f} mm is needed",
                     code="wall-too-thin",
-                    where=f"cords {channel.name!r} and {other.name!r}",
+                    where=f"{channel.noun}s {channel.name!r} and {other.name!r}",
                     action="Move them apart",
                     cords=(channel.name, other.name),
                     wall=wall,

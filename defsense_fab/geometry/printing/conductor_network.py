@@ -202,8 +202,9 @@ def _cut(cells: Cells, pair: Int, area: Float, arc: Float, ends: tuple[float, fl
     middle = (ends[0] + ends[1]) / 2
     first = np.flatnonzero(arc[used] <= min(ends[0] + slab, middle))
     last = np.flatnonzero(arc[used] > max(ends[1] - slab, middle))
+    nearest = cells.center[np.abs(arc - middle).argmin()]
     if not len(first) or not len(last):
-        return Neck(0.0, np.full(3, np.nan))
+        return Neck(0.0, nearest)
     capacity = np.maximum(np.round(area / AREA_UNIT_MM2), 1).astype(np.int32)
     rows = np.concatenate([local[:, 0], local[:, 1], np.full(len(first), n), last])
     columns = np.concatenate([local[:, 1], local[:, 0], first, np.full(len(last), n + 1)])
@@ -214,7 +215,7 @@ def _cut(cells: Cells, pair: Int, area: Float, arc: Float, ends: tuple[float, fl
     graph = sparse.csr_matrix(graph).astype(np.int32)
     flow = csgraph.maximum_flow(graph, n, n + 1)
     if flow.flow_value == 0:
-        return Neck(0.0, np.full(3, np.nan))
+        return Neck(0.0, nearest)
     residual = graph - flow.flow
     residual.data[residual.data < 0] = 0
     residual.eliminate_zeros()

@@ -48,13 +48,17 @@ class ColoredSolid:
     is_trace: bool = False
 
 
-def write_prusa_3mf(solids: Sequence[ColoredSolid], path: Path, title: str) -> None:
+def write_prusa_3mf(
+    solids: Sequence[ColoredSolid], path: Path, title: str, settings: str = ""
+) -> None:
     """Write solids as one object for PrusaSlicer and SuperSlicer.
 
     Args:
         solids: Solids of the object. Where two overlap, the slicer keeps the later.
         path: The file.
         title: Name of the object.
+        settings: Text of an ini file of `slicer_settings`, which the slicer applies as it opens
+            the file: a printer with one extruder would drop the solids' extruders.
 
     Raises:
         FabricationError: There is no solid, an extruder or name is invalid, or corners that are
@@ -67,11 +71,11 @@ def write_prusa_3mf(solids: Sequence[ColoredSolid], path: Path, title: str) -> N
         vertices.append(_format_vertices(mesh))
         triangles.append(_format_triangles(mesh, corner))
         last = first + len(mesh.faces) - 1
-        settings = [("name", solid.name), ("volume_type", "ModelPart")]
-        settings += [("extruder", str(solid.extruder))]
+        keys = [("name", solid.name), ("volume_type", "ModelPart")]
+        keys += [("extruder", str(solid.extruder))]
         if solid.is_trace:
-            settings += [("perimeters", str(SOLID_WALL_LOOPS)), ("fill_density", "100%")]
-        rows = "".join(_format_prusa_setting("volume", key, value) for key, value in settings)
+            keys += [("perimeters", str(SOLID_WALL_LOOPS)), ("fill_density", "100%")]
+        rows = "".join(_format_prusa_setting("volume", key, value) for key, value in keys)
         volumes.append(f'  <volume firstid="{first}" lastid="{last}">\n{rows}  </volume>\n')
         corner, first = corner + len(mesh.vertices), last + 1
     head = _format_prusa_setting("object", "name", title)
@@ -89,7 +93,11 @@ def write_prusa_3mf(solids: Sequence[ColoredSolid], path: Path, title: str) -> N
         "   </mesh>\n  </object>\n </resources>\n"
         ' <build>\n  <item objectid="1"/>\n </build>\n</model>\n'
     )
-    _write_package(path, model, {"Metadata/Slic3r_PE_model.config": config})
+    files = {"Metadata/Slic3r_PE_model.config": config}
+    if settings:
+        lines = "".join(f"; {line}\n" for line in settings.splitlines())
+        files["Metadata/Slic3r_PE.config"] = lines
+    _write_package(path, model, files)
 
 
 def write_bambu_3mf(solids: Sequence[ColoredSolid], path: Path, title: str) -> None:

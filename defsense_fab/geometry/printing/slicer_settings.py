@@ -49,6 +49,7 @@ def format_prusa_settings(settings: TraceSettings) -> str:
         "gcode_flavor": "marlin2",
         "bed_shape": f"0x0,{x:g}x0,{x:g}x{y:g},0x{y:g}",
         "nozzle_diameter": ",".join(f"{v:g}" for v in settings.nozzle_mm),
+        "extruder_colour": "#EBEBE1;#282828",  # body and traces in the slicer's pictures
         "filament_diameter": ",".join(f"{v:g}" for v in settings.filament_mm),
         "extruder_offset": f"0x0,{dx:g}x{dy:g}",
         "single_extruder_multi_material": int(settings.shares_nozzle),

@@ -137,6 +137,12 @@ class Specimen:
         return self.length / 2 / (radius + self.thickness / 2)
 
 
+def make_whole(s: Specimen) -> Any:
+    """Return a specimen in one piece, without channels (a TopoDS_Solid)."""
+    corner = (bd.Align.MIN, bd.Align.CENTER, bd.Align.MIN)
+    return as_one_solid(bd.Box(s.length, s.width, s.thickness, align=corner))
+
+
 def make_halves(s: Specimen) -> dict[str, Any]:
     """Return both halves of a specimen (TopoDS_Solids by name); pins stand on the left one (y <
     0).

@@ -67,6 +67,13 @@ class Loads:
             total += self.fibers.energy(self.fibers.vectors(u))
         return total
 
+    def drag_forces(self, conditions: BoundaryConditions, u: Float) -> Float:
+        """Return the force (d, 3) N of each drag on the body."""
+        if not conditions.drags:
+            return np.zeros((0, 3))
+        k = np.array([d.stiffness for d in conditions.drags])[:, None]
+        return np.asarray(-k * self._stretches(conditions, u))
+
     def pressure(self, conditions: BoundaryConditions, u: Float) -> Float:
         """Return the nodal forces (n, 3) N of the pressures on the deformed faces."""
         out = np.zeros_like(u)
@@ -94,8 +101,7 @@ class Loads:
         """
         out = self._unit * conditions.gravity + pressure
         if conditions.drags:
-            k = np.array([d.stiffness for d in conditions.drags])[:, None]
-            pull = -k * self._stretches(conditions, u)
+            pull = self.drag_forces(conditions, u)
             np.add.at(out, self._drag_nodes, self._drag_weights[:, :, None] * pull[:, None])
         if self.fibers:
             now = self.fibers.vectors(u)

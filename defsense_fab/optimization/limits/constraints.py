@@ -181,19 +181,19 @@ class _Inlets:
             row[e] = rows.sum(axis=0)
         return value, row
 
-    def exit_margins(
+    def mouth_margins(
         self, track: FullPath, lengths: Float, by_lengths: Float, limits: Limits
     ) -> tuple[Float, Float]:
-        """Return how far inside the allowed regions the exits that exist are.
+        """Return how far the exits that exist are inside what is allowed for mouths.
 
         Args:
             track: The path with its runs.
             lengths: Distances (2,) mm of the path's ends from the surface.
             by_lengths: Their derivatives (2, size).
-            limits: The limits, with regions of exits.
+            limits: The limits.
 
         Returns:
-            Margins (e,) mm and derivatives (e, size).
+            Margins (m,) mm and derivatives (m, size).
         """
         path, first = track.placed.points, RUN_SAMPLES * (self.runs[0] > 0)
         values, rows = [], []
@@ -203,13 +203,13 @@ class _Inlets:
             step = path[end] - path[before]
             long = np.linalg.norm(step)
             out = step / long
-            room, gradient = limits.exit_room((path[end] + lengths[e] * out)[None])
-            slope = gradient[0]
-            turn = lengths[e] / long * (slope - (slope @ out) * out)
-            two = np.zeros((2, by_lengths.shape[1]))
-            track.add_rows(np.array([end, before]) + first, np.stack([slope + turn, -turn]), two)
-            values.append(room[0] - MARGIN_MM)
-            rows.append(two.sum(axis=0) + (slope @ out) * by_lengths[e])
+            for room, gradient in limits.mouth_rooms((path[end] + lengths[e] * out)[None]):
+                slope = gradient[0]
+                turn = lengths[e] / long * (slope - (slope @ out) * out)
+                two, moves = np.zeros((2, by_lengths.shape[1])), np.stack([slope + turn, -turn])
+                track.add_rows(np.array([end, before]) + first, moves, two)
+                values.append(room[0] - MARGIN_MM)
+                rows.append(two.sum(axis=0) + (slope @ out) * by_lengths[e])
         return np.array(values), np.array(rows).reshape(-1, by_lengths.shape[1])
 
 
@@ -298,12 +298,11 @@ class Constraints:
             found = self._kept_margins(tracks, i)
             values += found[0]
             rows += found[1]
-        if self._limits.exits:
-            margins, by_exit = inlets.exit_margins(tracks[i], lengths, by, self._limits)
-            wide = np.zeros((len(margins), size))
-            wide[:, self._columns[i]] = by_exit
-            values.append(margins)
-            rows.append(wide)
+        margins, by_mouth = inlets.mouth_margins(tracks[i], lengths, by, self._limits)
+        wide = np.zeros((len(margins), size))
+        wide[:, self._columns[i]] = by_mouth
+        values.append(margins)
+        rows.append(wide)
         for bound, sign in ((self._limits.shortest, 1), (self._limits.longest, -1)):
             if 0 < bound < np.inf:
                 length, by_length = _length(tracks[i].placed)

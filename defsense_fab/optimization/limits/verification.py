@@ -1,7 +1,8 @@
 """Check finished layouts on dense samples, independently of the optimizer's code.
 
 Depth comes from the body's facets by winding number and closest points, inlets from rays, curvature
-from the circle through three neighboring samples, and distances from a k-d tree over dense samples.
+from the circle through three neighboring samples and on both sides of control points, where it
+jumps, and distances from a k-d tree over dense samples.
 The straight runs from a path's ends to the surface are channels too and are checked as well.
 """
 
@@ -14,7 +15,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Float, format_point
-from ...core.curve import arc_lengths, bend_radius, per_span_for_spacing, sample_path
+from ...core.curve import (
+    arc_lengths,
+    bend_radius,
+    curvature,
+    per_span_for_spacing,
+    sample_path,
+)
 from ...core.device.device import Sensor
 from ...core.device.regions import Shape, hull_points, inset
 from ...core.mesh import Surface
@@ -179,7 +186,7 @@ def _check_cord(
     inside = np.minimum(along, along[-1] - along) >= limits.depth / MAX_INLET_SLOPE
     wall_depth = depth[inside].min() if inside.any() else depth.max()
     _check_length(length + sum(inlets), limits, findings)
-    radius = bend_radius(points)
+    radius = _bend_radii(sensor, points)
     _check_radius(points, radius, limits, findings)
     _check_strands(whole, along, limits, findings)
     return CordCheck(
@@ -190,6 +197,22 @@ def _check_cord(
         tuple(findings.violations),
         np.concatenate([points[:0], *findings.broken]),
     )
+
+
+def _bend_radii(sensor: Sensor, points: Float) -> Float:
+    """Return radii of curvature (p - 2,) mm at the inner samples of a path (p, 3).
+
+    Circles through samples miss a bend shorter than their spacing next to a control point.
+    """
+    curve = sensor.curve
+    spans = len(curve.points) - 1
+    at_ends = np.abs(curvature(curve.points, curve.tangents, 1)).reshape(spans, 2)
+    sharpest = np.append(at_ends[:, 0], 0.0)
+    sharpest[1:] = np.maximum(sharpest[1:], at_ends[:, 1])
+    radii = np.full(len(points), np.inf)
+    radii[:: (len(points) - 1) // spans] = 1 / np.maximum(sharpest, 1e-9)
+    radii[1], radii[-2] = min(radii[:2]), min(radii[-2:])  # those at the ends, too
+    return np.asarray(np.minimum(bend_radius(points), radii[1:-1]))
 
 
 def _check_exits(
@@ -212,11 +235,13 @@ def _check_exits(
 def _check_kept(
     sensor: Sensor, whole: Float, shape: Shape, limits: Limits, findings: _Findings
 ) -> None:
-    """Check that neither a channel with samples (p, 3) mm nor its cut crosses a kept region."""
-    distance = -inset(shape, whole)[0]
-    near = distance < limits.depth - _TOLERANCE_MM
+    """Check that no channel with samples (p, 3) mm, pad or cut crosses a kept region."""
+    distance, needed = -inset(shape, whole)[0], np.full(len(whole), limits.depth)
+    if limits.pad:
+        needed[[0, -1]] = limits.wall + limits.pad / 2
+    near = distance < needed - _TOLERANCE_MM
     if near.any():
-        at = whole[int(distance.argmin())]
+        at = whole[int((distance - needed).argmin())]
         findings.add(
             "kept-region-crossed",
             distance.min(),

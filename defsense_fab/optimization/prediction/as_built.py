@@ -69,9 +69,10 @@ def part_rules(device: Device, bay: Prism | None = None) -> PartRules:
 
 def trace_shape(device: Device) -> TraceShape:
     """Return the section of a device's printed traces, and the direction of printing."""
-    trace = device.cord.trace
+    trace, pad = device.cord.trace, device.pad
     assert trace is not None
-    return TraceShape(trace.width, trace.height, np.array(device.fabrication.up))
+    assert pad is not None
+    return TraceShape(trace.width, trace.height, np.array(device.fabrication.up), pad)
 
 
 def mould_rules(device: Device) -> MouldRules:
@@ -213,7 +214,8 @@ def _channels(
 ) -> Sequence[Channel]:
     trace = device.cord.trace
     if trace is not None:
-        return make_trace_lines(sensors, surface, trace.width)
+        assert device.pad is not None
+        return make_trace_lines(sensors, surface, trace.width, device.pad.depth)
     r = part_rules(device, bay)
     return make_channels(sensors, surface, r.channel, r.inner_wall, r.pockets)
 
@@ -227,13 +229,17 @@ def _keeps_limits(device: Device, surface: Surface, sensors: Sequence[Sensor]) -
 
 
 def built_cords(task: DesignTask, channels: Sequence[Channel]) -> list[BuiltCord]:
-    """Return the cords in their channels, each between its ferrules or its free ends."""
+    """Return the cords in their channels, each between its ferrules or its free ends.
+
+    A printed trace is strained, and conducts, along its whole line between the pads.
+    """
     out = []
     for channel in channels:
         path = channel.sensing
         lead = task.fabrication.lead
         between = channel.length + sum(-e.pocket if e.pocket else lead for e in channel.ends)
-        out.append(_built(task, path, between - float(arc_lengths(path)[-1])))
+        series = 0.0 if channel.is_trace else between - float(arc_lengths(path)[-1])
+        out.append(_built(task, path, series))
     return out
 
 
@@ -259,7 +265,7 @@ def assumed_ends(task: DesignTask, length: float) -> tuple[float, float]:
         The length (mm) in a pocket at each end, and the total length (mm) of cord beyond the path.
     """
     hidden = task.design.sense.hidden
-    return min(hidden, 0.45 * length), length_beyond_path(task.fabrication)
+    return min(hidden, 0.45 * length), length_beyond_path(task.fabrication, task.reading)
 
 
 def _built(task: DesignTask, path: Float, series: float) -> BuiltCord:

@@ -13,9 +13,10 @@ from ...core.device.device import DECODERS, Device, FabricationSpec
 from ...core.errors import DeviceError
 from ...core.mesh import Surface
 from ...decoding.expected_errors import NONE, UnseenStates, choose_unseen_states
+from ...geometry.bodies import regions
+from ...geometry.channels.channel_ends import MAX_INLET_SLOPE
 from ...geometry.channels.wire_channels import Wires
 from ...geometry.kernels.cutting_tools import Prism
-from ...geometry.parts.printed_traces import PAD_DIAMETER_MM
 from ...mechanics.elements.point_location import PointLocator
 from ...sensing.built_cord import CordReading, held_response, taut_response
 from ...store.build import Build
@@ -40,17 +41,23 @@ def layout_limits(device: Device) -> Limits:
     exits = tuple(device.regions[name] for name in device.exits)
     kept = tuple(device.regions[name] for name in device.fabrication.keep_whole)
     if device.cord.trace is not None:
-        radius, shortest = device.cord.min_bend_radius, device.cord.min_stretch
-        clearance = max(channel, PAD_DIAMETER_MM) + wall  # pads keep apart, too
+        assert device.pad is not None
+        radius, room = device.cord.min_bend_radius, device.pad.room
+        shortest = device.cord.min_stretch + 2 * device.pad.depth
+        clearance = max(channel, room) + wall  # pads keep apart, too
+        # The wall around a pad is kept up to where required_depth no longer allows less.
+        pad_end = ((wall + room / 2) / MAX_INLET_SLOPE, room)
         return Limits(
             wall,
             radius,
             clearance,
             channel,
             shortest=shortest,
+            pocket=pad_end,
             is_cut=False,
             exits=exits,
             kept_whole=kept,
+            pad=room,
         )
     pocket = pocket_depth(device, bends=device.fabrication.strain_relief is True)
     prestretch = device.fabrication.prestretch
@@ -88,6 +95,50 @@ def layout_limits(device: Device) -> Limits:
     )
 
 
+def check_exits(device: Device, surface: Surface) -> None:
+    """Check that both ends of a cord have room on the skin in the regions of exits.
+
+    Args:
+        device: The device.
+        surface: Surface of its body.
+
+    Raises:
+        DeviceError: The regions have no skin, or too little.
+    """
+    if not device.exits:
+        return
+    shapes = [device.regions[name] for name in device.exits]
+    skin = np.concatenate([regions.sample_skin(shape, surface) for shape in shapes])
+    needed = layout_limits(device).clearance
+    # No two points of the skin are further apart than the diagonal of its bounds.
+    extent = float(np.linalg.norm(np.ptp(skin, axis=0))) if len(skin) else 0.0
+    if extent >= needed:
+        return
+    names = ", ".join(map(repr, device.exits))
+    where, key = "device.toml: wires.exit", "wires.exit"
+    if not len(skin):
+        described = "; ".join(map(regions.describe_region, shapes))
+        raise DeviceError(
+            f"no skin of the body is in {names} ({described}), so nothing can leave the body there;"
+            f" the body extends {regions.describe_extent(surface)}",
+            code="exit-off-skin",
+            where=where,
+            action="Move or enlarge a region so that it contains skin, or name another one",
+            key=key,
+        )
+    what = "cord" if device.cord.trace is None else "trace"
+    raise DeviceError(
+        f"the skin in {names} is at most {extent:.1f} mm wide, and the ends of a {what} need"
+        f" {needed:.1f} mm from each other",
+        code="exit-too-small",
+        where=where,
+        action="Enlarge a region, or name another one",
+        key=key,
+        extent=extent,
+        needed=needed,
+    )
+
+
 def wire_rules(device: Device, relief: bool, bay: Prism | None = None) -> Wires:
     """Return the rules for wires from the cords to a connector bay, or by a bend to the skin.
 
@@ -101,13 +152,17 @@ def wire_rules(device: Device, relief: bool, bay: Prism | None = None) -> Wires:
 
 
 def pocket_depth(device: Device, bends: bool) -> float:
-    """Return the depth (mm) of the pockets of the cords' ends, zero without pockets.
+    """Return the depth (mm) of the pockets of the cords' ends, or of the pads of traces.
+
+    It is zero if there are neither.
 
     Args:
         device: The device.
         bends: Whether the pockets hold bends of the wires.
     """
     f = device.fabrication
+    if device.pad is not None:
+        return device.pad.depth
     if not f.pockets:
         return 0.0
     return device.cord.ferrule_length + (
@@ -156,20 +211,32 @@ def signal_model(device: Device) -> tuple[SignalModel, float]:
         response,
         local=f.assembly == "bonded",
         hidden=max(pocket - _ASSUMED_INLET_MM, 0.0),
-        series=length_beyond_path(f) / scale,
+        series=length_beyond_path(f, reading) / scale,
         contact=float(joints) / scale,
+        section=reading.section,
     )
     return model, reading.relative
 
 
-def length_beyond_path(fabrication: FabricationSpec) -> float:
-    """Return the length (mm) of cord beyond both ends of a path, zero with pockets."""
-    return 0.0 if fabrication.pockets else 2 * (fabrication.lead + _ASSUMED_INLET_MM)
+def length_beyond_path(fabrication: FabricationSpec, reading: CordReading) -> float:
+    """Return the length (mm) of unstrained cord beyond both ends of a path.
+
+    It is zero with pockets and for printed traces, which are bonded up to their pads.
+    """
+    if fabrication.pockets or reading.section is not None:
+        return 0.0
+    return 2 * (fabrication.lead + _ASSUMED_INLET_MM)
 
 
 def device_tolerances(device: Device) -> Tolerances:
-    """Return the tolerances of built devices, reduced by what was measured of the cord."""
+    """Return the tolerances of built devices, reduced by what was measured of the cord.
+
+    Gauge factors and resistances of printed traces differ by the spread of the filament.
+    """
     tolerances, cord = Tolerances(), device.cord
+    if cord.trace is not None:
+        spread = cord.trace.spread
+        tolerances = replace(tolerances, gauge=spread, resistance=spread)
     if cord.compression == "measured":
         tolerances = replace(tolerances, compression=0.0)
     if cord.measured is not None:

@@ -1,8 +1,8 @@
 """Compiled loops behind the objective and the candidates: cords in all states, and derivatives.
 
 The derivatives of signals by the rest positions of points are gathered without forming deformation
-gradients. States are the innermost index. The loops are in `kernels/cords.c`; they take whole paths
-because passing an array costs as much as a point.
+gradients. States are the innermost index. The loops are in `kernels/cords.c` and
+`kernels/cord_slopes.c`; they take whole paths because passing an array costs as much as a point.
 """
 
 from __future__ import annotations
@@ -37,6 +37,9 @@ class Lines(NamedTuple):
         steps: (p, s) mm, deformed lengths of the segments that end at the points.
         signals: (m, 3, s), signals of the lines and their derivatives by strained and rest length.
         bent: (2, p, s) derivatives of the strained lengths by segments, or empty.
+        conduction: (p, 4), how the segments of printed traces that end at the points conduct: their
+            relative resistance per length, and derivatives of their conducting lengths. Empty for
+            cords.
     """
 
     cell: Int
@@ -45,12 +48,14 @@ class Lines(NamedTuple):
     steps: Float
     signals: Float
     bent: Float
+    conduction: Float
 
 
 #: Where points are: the `grid` and the `opposite_tets` of a `PointLocator`.
 Where = tuple[Any, Int]
-#: How cords sense: local, hidden, series, contact squared, and the response's arrays.
-Answer = tuple[bool, float, float, float, Float, Float, Float]
+#: How cords sense: local, hidden, series, contact squared, the response's arrays, and the values of
+#: a trace's section, empty for cords.
+Answer = tuple[bool, float, float, float, Float, Float, Float, Float]
 
 
 def move_points(cell: Int, bary: Float, tets: Tets, out: Float) -> None:

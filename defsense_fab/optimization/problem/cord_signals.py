@@ -13,6 +13,7 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...mechanics.elements.point_location import PointLocator, locate_along_path
 from ...mechanics.elements.threads import count_cores, run_in_chunks
+from ...sensing.built_cord import TraceSection
 from ...sensing.response import Response
 from .cord_loops import (
     Lines,
@@ -33,7 +34,8 @@ class SignalModel:
 
     L is the rest length of the strained middle part of the path, and w its relative resistance
     change. The division gives all signals the same noise, that of a very long cord (see
-    `sensing/built_cord.py`).
+    `sensing/built_cord.py`). Of a printed trace, L is the length of a level trace of the same
+    resistance, and each segment counts in w by its resistance.
 
     Attributes:
         response: Response w of the cord to strain.
@@ -43,6 +45,7 @@ class SignalModel:
         series: Length of cord that conducts but is not strained, mm.
         contact: Length of a cord whose noise of (R - R0)/R0 equals the noise that the joints add,
             mm.
+        section: Cross-section of printed traces, none of which is hidden; None for cords.
     """
 
     response: Response
@@ -50,6 +53,7 @@ class SignalModel:
     hidden: float = 0.0
     series: float = 0.0
     contact: float = 0.0
+    section: TraceSection | None = None
 
 
 class CordCarrier:
@@ -75,8 +79,10 @@ class CordCarrier:
         response = model.response
         is_linear = response.linear_slope is not None  # only the mean strain then matters
         self._local = model.local and not is_linear
-        self.bent = self._local or model.hidden > 0
-        table = (response.breaks, response.origins, response.pieces)
+        self._is_trace = model.section is not None
+        self.bent = self._local or model.hidden > 0 or self._is_trace
+        section = np.zeros(0) if model.section is None else model.section.values
+        table = (response.breaks, response.origins, response.pieces, section)
         self.answer = (self._local, model.hidden, model.series, model.contact**2, *table)
         mesh = locator.mesh
         self._where = (locator.grid, locator.opposite_tets)
@@ -123,6 +129,7 @@ class CordCarrier:
             np.empty((count, self.states)),
             np.empty((len(ends) - 1, 3, self.states)),
             np.empty((2, count if self.bent else 0, self.states)),
+            np.empty((count if self._is_trace else 0, 4)),
         )
         carry_lines(points, ends, self._where, self.tets, self.answer, lines)
         return CarriedCords(self.tets, points, ends, lines)

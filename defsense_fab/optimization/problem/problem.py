@@ -15,6 +15,7 @@ from ...core.mesh import Surface
 from ...decoding.elimination import expected_square
 from ...decoding.expected_errors import affine_error_floor
 from ...decoding.ridge import FEATURES, Features
+from ...geometry.bodies.regions import EXIT_TOLERANCE_MM
 from ...geometry.kernels.surface_queries import SignedDistance, signed_distance_of
 from ...mechanics.elements.point_location import PointLocator
 from .cord_signals import CordCarrier, SignalModel
@@ -60,9 +61,6 @@ def green_strains(problem: Problem, points: Float) -> Float:
 _MIN_MARKER_MOTION_MM = 1e-6  # below, markers count as unmoved
 
 
-EXIT_TOLERANCE_MM = 0.2  # by which mouths may be outside of the regions of exits
-
-
 @dataclass(frozen=True)
 class Limits:
     """What every layout must keep, all in mm.
@@ -80,6 +78,7 @@ class Limits:
         is_cut: Whether the body is cut along the planes; it is not around printed traces.
         exits: Regions in which both ends of every cord leave the body; empty for anywhere.
         kept_whole: Bounded regions that no channel and no cut may cross.
+        pad: Diameter of the pads at the ends of printed traces, zero without pads.
     """
 
     wall: float
@@ -93,6 +92,7 @@ class Limits:
     is_cut: bool = True
     exits: tuple[Shape, ...] = ()
     kept_whole: tuple[Shape, ...] = ()
+    pad: float = 0.0
 
     @property
     def lengths(self) -> str:
@@ -115,6 +115,22 @@ class Limits:
         rooms, gradients = zip(*(inset(shape, mouths) for shape in self.exits), strict=True)
         best, row = np.argmax(rooms, axis=0), np.arange(len(mouths))
         return np.stack(rooms)[best, row] + EXIT_TOLERANCE_MM, np.stack(gradients)[best, row]
+
+    def mouth_rooms(self, mouths: Float) -> list[tuple[Float, Float]]:
+        """Return how far points are inside what is allowed for the mouths of channels.
+
+        Args:
+            mouths: Points (n, 3), mm.
+
+        Returns:
+            For exits and for walls from pads to kept regions, where they apply: distances (n,) mm,
+            negative where a mouth is not allowed, and gradients (n, 3).
+        """
+        rooms = [self.exit_room(mouths)] if self.exits else []
+        if self.pad and self.kept_whole:
+            room, gradient = self.room_to_kept(mouths)
+            rooms.append((room - (self.pad - self.channel_diameter) / 2, gradient))
+        return rooms
 
     def room_to_kept(self, points: Float) -> tuple[Float, Float]:
         """Return how far points are from what channels may come near to around kept regions.

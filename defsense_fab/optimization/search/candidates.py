@@ -159,9 +159,10 @@ def find_feasible(
     if not len(kept):
         return kept
     ends = ends[leaves]
-    if limits.exits:
-        mouths = paths[leaves][:, [0, -1]] + ends[:, :, None] * out[leaves]
-        room = limits.exit_room(mouths.reshape(-1, 3))[0].reshape(-1, 2)
+    mouths = paths[leaves][:, [0, -1]] + ends[:, :, None] * out[leaves]
+    rooms = [room for room, _ in limits.mouth_rooms(mouths.reshape(-1, 3))]
+    if rooms:
+        room = np.min(rooms, axis=0).reshape(-1, 2)
         inside = np.asarray((room > MARGIN_MM).all(axis=1))
         narrow(inside)
         leaves[leaves] = inside

@@ -248,10 +248,10 @@ def no_room_error(problem: Problem, count: int) -> LayoutError:
         count: Number of cords that were requested.
     """
     limits, lengths = problem.limits, ""
+    noun, ends = ("cord", ", with pockets or free ends") if limits.is_cut else ("trace", "")
     if limits.shortest > 0 or limits.longest < np.inf:
         lengths = (
-            f", with channels of which {limits.lengths} by [cord] length and min_stretch, with"
-            " pockets or free ends"
+            f", with channels of which {limits.lengths} by [cord] length and min_stretch{ends}"
         )
     if limits.exits:
         lengths += ", with both ends of each in the regions of [wires] exit"
@@ -262,7 +262,7 @@ def no_room_error(problem: Problem, count: int) -> LayoutError:
     if 0 < count_found < count:
         advice = f"Ask for {count_found}, for which room was found"
     return LayoutError(
-        f"no layout of {count} cords was found that keeps their walls and clearances{lengths}",
+        f"no layout of {count} {noun}s was found that keeps their walls and clearances{lengths}",
         code="no-room-for-cords",
         where=f"[design] sensors = {count}",
         action=f"{advice}, or draw them as [[sensors]]",

@@ -29,11 +29,12 @@ def find_risks(problem: Problem, sensors: Sequence[Sensor]) -> list[Notice]:
         sensors: The cords of the layout.
     """
     out: list[Notice] = []
+    noun = "cord" if problem.limits.is_cut else "trace"
     for sensor in sensors:
         change = round(float(np.ptp(problem.signals(sample_path(sensor)))), 9)
         if change < max(problem.noise, _MIN_SIGNAL_CHANGE):
             message = (
-                f"cord {sensor.name!r}: its signal changes by {change:.2g} over all states, less"
+                f"{noun} {sensor.name!r}: its signal changes by {change:.2g} over all states, less"
                 f" than the noise of {problem.noise:g}: it carries no information. Free its path"
                 " and plane"
             )
@@ -43,7 +44,7 @@ def find_risks(problem: Problem, sensors: Sequence[Sensor]) -> list[Notice]:
     count, states = len(problem.features(len(sensors)).linear), len(problem.markers)
     if count >= states - 1:
         message = (
-            f"the {problem.decoder} decoder of {len(sensors)} cords has {count} features for"
+            f"the {problem.decoder} decoder of {len(sensors)} signals has {count} features for"
             f" {states} states, rest included: it can fit them exactly and still be wrong in"
             " between. Add mixtures and held_out states to [states], or choose another [design]"
             " decoder"
@@ -73,7 +74,7 @@ def check_cord_count(problem: Problem, prediction: Prediction, free: float) -> l
     if prediction.how == NONE or not is_limited or more is None:
         return []
     message = (
-        f"{count} cord{'s' * (count > 1)} cannot distinguish these states well: the error of an"
+        f"{count} signal{'s' * (count > 1)} cannot distinguish these states well: the error of an"
         f" affine map of so many signals is {floor:.2f} mm or more, of {more} signals"
         f" {problem.floor(more):.2f} mm or more. Try [design] sensors = {more}, or compare several"
         " numbers in a parameter study"

@@ -29,6 +29,7 @@ _STRAIGHT_RTOL = 1e-6  # of its length, by which a straight path may leave its l
 _MEMORY_SEED = 54
 _SESSION_ROWS = 40  # training rows that a session's states are repeated in
 _MIN_LOOSE_LENGTH_MM = 1.0  # of a held cord between its ends
+_MIN_RESISTANCE_FACTOR = 0.1  # of a built trace; a normal distribution has no lower limit
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class Tolerances:
             crimped and where its ferrules are placed.
         compression: Largest share of its slope that a response may lack below zero strain.
         frames: Number of frames of the test.
+        resistance: Relative standard deviation of the cords' resistances at rest, which noise
+            depends on; known only of printed traces.
     """
 
     offset: float = 0.3
@@ -51,6 +54,7 @@ class Tolerances:
     ends: float = 0.7  # assumed: 0.5 mm at each of two ends
     compression: float = 0.5
     frames: int = 600
+    resistance: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -260,6 +264,9 @@ def sample_built_cord(
         The built cord and how it is read.
     """
     path = _off_axis(cord.path, rng, tolerances.offset)
+    if tolerances.resistance:
+        factor = 1 + rng.normal(0, tolerances.resistance)
+        reading = reading.scale_resistance(max(factor, _MIN_RESISTANCE_FACTOR))
     factor = 1 + rng.normal(0, tolerances.gauge)
     extra_length = rng.normal(0, tolerances.ends)
     missing_slope = rng.uniform(0, tolerances.compression)

@@ -15,9 +15,10 @@ from ...store.layout import LayoutRecord
 from ...store.manifest import Manifest
 from ..html import write_page
 from ..pictures.part_pictures import exploded
-from .actions import ENDS, Action
+from .actions import ENDS, Action, ActionKind
 from .joint_pictures import JointPictures
-from .steps import GuideStep, assembly_order, exploded_shifts, guide_steps
+from .pad_drawing import pad_picture
+from .steps import GuideStep, Passage, assembly_order, exploded_shifts, guide_steps
 from .tables import GuideTable, guide_checks, guide_tables
 from .template_pages import write_templates
 from .templates import CordTemplate, FaceTemplate, cord_templates, face_template
@@ -36,10 +37,11 @@ class Guide:
         exploded: Exploded view as a PNG data URI.
         tables: Tables of what to print, cut and buy.
         steps: Steps in their order.
-        pictures: For each passage of each step its picture as a PNG data URI, or None.
+        pictures: For each passage of each step its picture as a data URI, or None.
         checks: Table of the measurements of the parts.
         strips: Templates of the cords at 1:1.
         faces: Templates of the joints' faces at 1:1.
+        forces: A line on the force of each pose.
     """
 
     device: str
@@ -52,6 +54,7 @@ class Guide:
     checks: GuideTable
     strips: tuple[CordTemplate, ...]
     faces: tuple[FaceTemplate, ...]
+    forces: tuple[str, ...] = ()
 
     @property
     def title(self) -> str:
@@ -106,19 +109,30 @@ def assembly_guide(
         exploded=exploded(parts, exploded_shifts(manifest, parts), frame),
         tables=guide_tables(manifest),
         steps=steps,
-        pictures=tuple(tuple(pictures.draw(step, p) for p in step.passages) for step in steps),
+        pictures=tuple(
+            tuple(_draw_passage(device, pictures, step, p) for p in step.passages) for step in steps
+        ),
         checks=guide_checks(manifest),
         strips=() if manifest.traces else cord_templates(device, manifest),
         faces=tuple(face for face in faces if face is not None),
     )
 
 
+def _draw_passage(
+    device: Device, pictures: JointPictures, step: GuideStep, passage: Passage
+) -> str | None:
+    """Return the picture of a passage; the first passage on pads has their drawing."""
+    if device.pad is not None and passage.actions[0][0].kind is ActionKind.PADS:
+        return pad_picture(device.pad) if passage is step.passages[0] else None
+    return pictures.draw(step, passage)
+
+
 def _write_intro(manifest: Manifest) -> str:
     cord_count = len(manifest.cords)
     if manifest.traces:
         return (
-            f"One part with {cord_count} printed trace{'s' * (cord_count > 1)}: nothing is cut,"
-            " glued or crimped. All lengths are in mm."
+            f"One part with {cord_count} printed trace{'s' * (cord_count > 1)}: nothing is cut"
+            " or glued. All lengths are in mm."
         )
     intro = (
         f"{len(manifest.parts)} parts, {cord_count} cord{'s' * (cord_count > 1)}. All lengths are"

@@ -11,6 +11,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.curve import arc_lengths, resample
 from ...core.device.device import Device
+from ...core.device.filaments import TraceSpec
 from ...core.mesh import Surface
 from ...store.layout import CordRecord, LayoutRecord
 from ...store.manifest import CutCord, Manifest, PinRecord
@@ -50,28 +51,33 @@ def followers(device: Device, layout: LayoutRecord, manifest: Manifest) -> list[
     """Return all followers of a device: cords in the layout's order, wires, pins and seats."""
     cut = {c.sensor: c for c in manifest.cords}
     return [
-        *(_cord(s, cut[s.name]) for s in layout.sensors),
+        *(_cord(s, cut[s.name], device.cord.trace) for s in layout.sensors),
         *(w for c in manifest.cords for w in _wires(c, device.fabrication.wire_diameter / 2)),
         *_pins(manifest),
         *_seats(manifest),
     ]
 
 
-def _cord(cord: CordRecord, cut: CutCord) -> Follower:
+def _cord(cord: CordRecord, cut: CutCord, trace: TraceSpec | None) -> Follower:
     low, high = cut.range
+    thickness = f"{cord.cord_diameter:g} mm thick"
     fixing = (
         "glued along its whole length"
         if cord.prestretch is None
         else f"stretched by {100 * cord.prestretch:.0f} % when it is inserted"
     )
+    made = ("cut to", f"{cut.cut_length:.0f} mm, {fixing}")
+    if trace is not None:
+        thickness = f"{trace.width:g} mm wide, {trace.height:g} mm high"
+        made = ("printed in", trace.filament)
     return Follower(
         CORD,
         cord.name,
         _line(cord.points),
         cord.cord_diameter / 2,
         (
-            ("path", f"{cord.length:.1f} mm long, {cord.cord_diameter:g} mm thick"),
-            ("cut to", f"{cut.cut_length:.0f} mm, {fixing}"),
+            ("path", f"{cord.length:.1f} mm long, {thickness}"),
+            made,
             ("strain in use", f"{100 * cord.least_strain:.1f} to {100 * cord.peak_strain:.1f} %"),
             ("resistance at rest", f"{cut.resistance:.0f} Ω"),
             ("resistance in use", f"{low:.0f} to {high:.0f} Ω"),

@@ -136,6 +136,7 @@ def scene(device: Device, build: Build, errors: SurfaceErrors, frame: Float) -> 
     lengths = _Lengths(packed, middle, size, errors.moved[states], displacements)
     content = {
         "device": device.name,
+        "noun": device.cord.noun,
         "step": lengths.step,
         "size": size,
         "frame": _round(frame),
@@ -280,6 +281,7 @@ def view3d(scene: Scene) -> Markup:
             script=Markup(_script()),  # noqa: S704
             content=Markup(in_script(scene.content)),  # noqa: S704
             numbers=scene.numbers,
+            noun=scene.content["noun"],
         )
     )
 

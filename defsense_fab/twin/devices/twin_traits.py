@@ -99,7 +99,7 @@ class TwinTraits:
 
     @classmethod
     def for_device(cls, device: Device, options: TwinOptions | None = None) -> TwinTraits:
-        """Return the traits with the noise and the joints of the device's cord.
+        """Return the traits with the noise and the joints of the device's cord or traces.
 
         Args:
             device: The device.
@@ -125,7 +125,11 @@ class TwinTraits:
             film = FilmTraits(cameras.kind, cameras.count, options.rate)
         memory = CORD_FAMILIES[options.cords]()
         rubber = RubberTraits(memory, noise=cord.noise, contact=cord.contact)
-        return cls(rubber=rubber, markers=markers, film=film)
+        building = BuildingTraits()
+        if cord.trace is not None:
+            building = replace(building, gauge=cord.trace.spread)
+            rubber = replace(rubber, ohm_spread=cord.trace.spread)
+        return cls(building=building, rubber=rubber, markers=markers, film=film)
 
     @property
     def assumptions(self) -> list[Assumption]:

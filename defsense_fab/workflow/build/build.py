@@ -50,6 +50,7 @@ _SUMMARY_FILES = {
     "mesh": "mesh.json",
     "simulation": "fields/index.json",
     "layout": "layout.json",
+    "forces": "forces.json",
     "manifest": "parts/manifest.json",
 }
 

@@ -287,6 +287,7 @@ def _trace_bill(
     """Return the bill of materials of a body with printed traces."""
     copies, spec = device.fabrication.copies, device.cord.trace
     assert spec is not None
+    assert device.pad is not None
     body = copies * sum(p.volume for p in part_set.parts) / 1000
     traces = copies * sum(t.volume for t in part_set.traces) / 1000
     mass = body * device.material.density
@@ -298,7 +299,7 @@ def _trace_bill(
             f"{copies * len(cords)} traces; purging takes several times as much",
         ),
         BillItem(
-            "M2 screw, washer and crimp eyelet, or spring pin",
+            device.pad.needs,
             str(2 * copies * len(cords)),
             "one for each pad",
         ),

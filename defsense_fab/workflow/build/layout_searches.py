@@ -58,7 +58,7 @@ class Search:
     @property
     def name(self) -> str:
         """Name for people."""
-        return f"search {self.seed + 1} for cords"
+        return f"search {self.seed + 1}"
 
 
 class SearchObserver:

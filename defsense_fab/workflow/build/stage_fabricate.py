@@ -314,7 +314,7 @@ def cord_warnings(device: Device, layout: LayoutRecord) -> dict[str, Float | Non
     middles = layout.middles
     cord, bonded = device.cord, device.fabrication.assembly == "bonded"
     warnings: dict[str, Float | None] = {
-        f"cord {s.name} is stretched by {s.peak_strain:.0%}, more than the allowed"
+        f"{cord.noun} {s.name!r} is stretched by {s.peak_strain:.0%}, more than the allowed"
         f" {cord.max_strain:.0%}": middles[s.name]
         for s in layout.sensors
         if s.peak_strain > cord.max_strain

@@ -19,6 +19,7 @@ from ...geometry.bodies.meshing.region_conforming import conform_to_regions
 from ...geometry.bodies.meshing.tetrahedra import Tetrahedra, tetrahedralize
 from ...mechanics.solver.batch import Solve, solve_all
 from ...mechanics.solver.solved_jobs import keep_solved_jobs
+from ...optimization.prediction.design_task import check_exits
 from ...store.build import Build
 from ...store.mesh import Accuracy, DensityTrial, MeshRecord, save_mesh
 from . import mesh_density
@@ -43,6 +44,7 @@ def run(device: Device, build: Build, report: Report, solve: Solve = solve_all) 
         MeshingError: The body cannot be meshed.
     """
     _check_regions(device, build.surface)
+    check_exits(device, build.surface)
     source = _MeshSource(device, build.surface, report)
     with keep_solved_jobs(("mesh", CODE_VERSION), partial(report, MESHING_FRACTION)) as kept:
         _save_mesh(device, build, source, report, partial(kept.solve, solve))
@@ -66,8 +68,9 @@ def _save_mesh(
     mesh, edge_length, accuracy = _make_mesh(device, surface, source.make, report, solve)
     report(0.8, "measuring quality")
     tags = {name: shape.contains(mesh.nodes) for name, shape in device.regions.items()}
+    placed = _regions_of_cords(device)
     for name, inside in tags.items():
-        if not inside.any():
+        if not inside.any() and name not in placed:
             raise DeviceError(
                 "contains no nodes of the mesh, as it is smaller than the edges of the mesh",
                 code="region-without-nodes",
@@ -186,6 +189,15 @@ def _note(tets: Tetrahedra) -> str:
     if tets.tried:
         notes.append(f"It was made by {tets.way}. Tried before: {'; '.join(tets.tried)}.")
     return " ".join(notes)
+
+
+def _regions_of_cords(device: Device) -> set[str]:
+    """Return the regions that limit cords alone, and so need no nodes of the mesh."""
+    held = {device.outputs.anchor}
+    for pose in device.poses:
+        held |= {*pose.fixed, *(handle.region for handle in pose.handles)}
+        held |= {*(s.region for s in pose.symmetry), *(p.region for p in pose.pressures)}
+    return {*device.exits, *device.fabrication.keep_whole} - held
 
 
 def _check_regions(device: Device, surface: Surface) -> None:

@@ -19,7 +19,12 @@ from ...optimization.limits.verification import LayoutCheck, verify
 from ...optimization.prediction.as_built import assumed_cords, score_paths
 from ...optimization.prediction.built_devices import predict_built_devices
 from ...optimization.prediction.choose_layout import Trial, choose_layout
-from ...optimization.prediction.design_task import DesignTask, candidate_decoders, load_task
+from ...optimization.prediction.design_task import (
+    DesignTask,
+    candidate_decoders,
+    check_exits,
+    load_task,
+)
 from ...optimization.prediction.predict import ScoredLayout, left_out_error, predict
 from ...optimization.refinement.refine import (
     OptimizedLayout,
@@ -33,6 +38,7 @@ from ...optimization.studies.risks import check_cord_count, find_risks
 from ...sensing.built_cord import BuiltCord
 from ...sensing.response import mean_strain, segment_strain_range
 from ...store.build import Build
+from ...store.forces import save_forces
 from ...store.layout import (
     CordPath,
     CordRecord,
@@ -47,8 +53,9 @@ from ...store.layout import (
 from ..design.session_shares import session_shares
 from .continued_layout import EarlierLayout
 from .layout_searches import MapTasks, Search, SearchObserver, SearchRunner
+from .pose_forces import pose_forces
 from .stages import Report, Watch
-from .traced_poses import MIN_SIGNAL_CHANGE, stiffen, use_plain_fields
+from .traced_poses import MIN_SIGNAL_CHANGE, Stiffening, stiffen, use_plain_fields
 
 # The fewer the cords, the less time a search takes, and the more its random choices matter.
 _CORD_SEARCHES = 15  # searches times cords
@@ -95,7 +102,9 @@ def run(
 
     Raises:
         LayoutError: No layout keeps the limits.
+        DeviceError: The regions of exits have no room on the skin.
     """
+    check_exits(device, build.surface)
     observer = SearchObserver(build.folder, watch)
     use_plain_fields(build)
     task = load_task(device, build)
@@ -122,8 +131,11 @@ def run(
     stiffness: tuple[str, ...] = ()
     if device.cord.trace is not None and chosen.relief is not None:
         others = [t for t in trials if t is not chosen]
-        task, chosen, stiffness = _stiffen(device, build, task, chosen, report, choose)
-        trials = (chosen, *others)
+        task, chosen, effect = _stiffen(device, build, task, chosen, report, choose)
+        trials, stiffness, build.forces = (chosen, *others), (effect.describe(),), effect.forces
+    else:
+        build.forces = pose_forces(device, build.quadratic_mesh, build.plain_fields)
+    save_forces(build.folder, build.forces)
     record = _layout_record(device, build, task, chosen, trials)
     warnings = (*record.warnings, *stiffness)
     build.layout = replace(record, continued=how, warnings=warnings)
@@ -151,11 +163,11 @@ def _stiffen(
     chosen: Trial,
     report: Report,
     choose: Callable[[DesignTask, Sequence[OptimizedLayout]], tuple[Trial, tuple[Trial, ...]]],
-) -> tuple[DesignTask, Trial, tuple[str, ...]]:
+) -> tuple[DesignTask, Trial, Stiffening]:
     """Predict a layout of printed traces with their stiffness, and improve it where that matters.
 
     Returns:
-        The task with the poses of the stiffened body, the layout made on trial, and notes.
+        The task with the poses of the stiffened body, the layout made on trial, and the effect.
     """
     assert chosen.relief is not None
     effect = stiffen(device, build, task, tuple(chosen.relief.channels), report)
@@ -167,7 +179,7 @@ def _stiffen(
     if best.relief is not None and best.layout.sensors is not chosen.layout.sensors:
         effect = stiffen(device, build, task, tuple(best.relief.channels), report)
         best, _ = choose(effect.task, [best.layout])
-    return effect.task, best, (effect.describe(),)
+    return effect.task, best, effect
 
 
 def _continue(
@@ -240,7 +252,7 @@ def require_feasible_layout(device: Device, layout: LayoutRecord) -> None:
         where=device.source / "device.toml",
         action=f"Raise [design] searches ({searches}) or sensors ({len(layout.sensors)})"
         if is_searched
-        else "Move the cords in [[sensors]]",
+        else f"Move the {device.cord.noun}s in [[sensors]]",
         problems=[t.problem for t in layouts],
         searches=searches,
         sensors=len(layout.sensors),
@@ -429,9 +441,10 @@ def warn_uncalibrated_strains(device: Device, sensors: Sequence[CordRecord]) -> 
     """
     low, high = device.cord.response.strain_range
     return {
-        f"cord {s.name!r}: strains of {s.least_strain:.1%} to {s.peak_strain:.1%} are outside the"
-        f" calibrated range of {low:.1%} to {high:.1%}, beyond which the response is continued"
-        " along its tangent. Calibrate on tighter jigs, or trust the prediction less.": s.name
+        f"{device.cord.noun} {s.name!r}: strains of {s.least_strain:.1%} to {s.peak_strain:.1%} are"
+        f" outside the calibrated range of {low:.1%} to {high:.1%}, beyond which the response is"
+        " continued along its tangent. Calibrate on tighter jigs, or trust the prediction"
+        " less.": s.name
         for s in sensors
         if s.least_strain < low or s.peak_strain > high
     }

@@ -51,6 +51,7 @@ def run(device: Device, build: Build, report: Report) -> None:
     viewer = view3d(scene(device, build, errors, frame))
     poses = build.field_index.warnings
     guide = assembly_guide(device, layout, manifest, build.parts, frame, poses)
+    guide = replace(guide, forces=tuple(p.describe() for p in build.forces.poses))
     if manifest.traces:
         guide = replace(guide, exploded=images["routing"])
     write_guide(guide, folder, viewer)
@@ -63,6 +64,7 @@ def run(device: Device, build: Build, report: Report) -> None:
         device=device,
         layout=layout,
         poses=poses,
+        forces=build.forces,
         manifest=manifest,
         mesh=build.mesh_record,
         meaning=MEANING,

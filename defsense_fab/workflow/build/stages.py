@@ -23,6 +23,7 @@ from ...core.storage.files import digest
 from ...geometry.bodies.meshing import mesh_store
 from ...sensing.memory_residual import AFFINE, TRAINED, known_family, memory_residuals
 from ...store.fields import TRACED
+from ...store.forces import FORCES
 from ...store.layout import LAYOUT
 from . import body_sources
 
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from ...store.build import Build
 
 #: Raised when a stage's results change for the same input, so that old results are not reused.
-CODE_VERSION = 47
+CODE_VERSION = 49
 #: The stage that places copies on plates, the only one that depends on `BuildOptions`.
 PLATES = "fabricate"
 
@@ -236,8 +237,8 @@ STAGES = (
     ),
     Stage(
         "optimize",
-        "optimize the cords",
-        ("layout.json", "prediction.json", "layouts.json", TRACED),
+        "optimize the layout",
+        ("layout.json", "prediction.json", "layouts.json", FORCES, TRACED),
         lambda d: (*layout_parts(d), plain(d.sensors)),
         ("daqp", "libigl"),  # NumPy and SciPy count by the key of the stage before
         _COARSER,
@@ -248,7 +249,7 @@ STAGES = (
         ("parts",),
         lambda d: plain((d.name, d.fabrication, _silicone(d))),
         (),  # CAD and mesh kernels are those of the body
-        "simplify the body, or use fewer cords",
+        "simplify the body, or use fewer sensors",
     ),
     Stage(
         "report",

@@ -16,7 +16,9 @@ from ...optimization.prediction.as_built import score_channels
 from ...optimization.prediction.design_task import DesignTask, load_task
 from ...store.build import Build
 from ...store.fields import Fields, save_traced_fields
+from ...store.forces import ForcesRecord
 from .load_cases import list_loadings, prepare_jobs
+from .pose_forces import pose_forces, trace_factor
 from .stage_simulate import track_jobs
 
 #: Change of signals, relative to the largest, from which the paths are optimized again.
@@ -31,12 +33,14 @@ class Stiffening:
         task: The design task with the poses of the stiffened body.
         signals: Largest change of a signal, relative to the largest signal of its trace.
         shapes: Root mean square change of the markers' positions over all states, mm.
+        forces: The forces that hold the stiffened body in its poses.
         unsolved: Names of states that could not be solved again; they keep their shapes.
     """
 
     task: DesignTask
     signals: float
     shapes: float
+    forces: ForcesRecord
     unsolved: tuple[str, ...]
 
     def describe(self) -> str:
@@ -45,7 +49,7 @@ class Stiffening:
         return (
             "the prediction is of the body with its traces: their stiffness changes signals by up"
             f" to {self.signals:.1%} of the largest, and shapes by {self.shapes:.2g} mm (root mean"
-            f" square){left}"
+            f" square); poses take up to {self.forces.traces:.2g} times the work{left}"
         )
 
 
@@ -88,7 +92,10 @@ def stiffen(
     signals = np.abs(after - before).max(axis=0) / np.maximum(np.abs(before).max(axis=0), 1e-12)
     change = stiffened.everything.markers - task.everything.markers
     shapes = np.sqrt(((change**2).sum(axis=2) @ task.everything.marker_weights).mean())
-    return Stiffening(stiffened, float(signals.max()), float(shapes), unsolved)
+    forces = pose_forces(device, mesh, build.fields, fibers, unsolved)
+    factor = trace_factor(pose_forces(device, mesh, plain), forces)
+    forces = replace(forces, traces=factor)
+    return Stiffening(stiffened, float(signals.max()), float(shapes), forces, unsolved)
 
 
 def use_plain_fields(build: Build) -> Fields:

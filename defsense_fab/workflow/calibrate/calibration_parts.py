@@ -33,7 +33,7 @@ _ROUNDING_MM = 1e-6
 _FACET_DEVIATION_MM = 0.01  # of facets from the solid
 _MAX_CORD_DIAMETER_MM = 20.0
 #: Directions that point up on the bed: jigs are on their side, halves on their outer side.
-_UP = {"specimen-right": (0, -1, 0)}
+_UP, _SIDE_UP = {"specimen-right": (0, -1, 0)}, (0, 1, 0)
 
 
 def write_coupon(
@@ -113,58 +113,77 @@ def write_specimen(
         FabricationError: A part is not possible, or too large for the bed.
         StorageError: A file cannot be written.
     """
-    from ...geometry.specimen.specimen import Specimen
+    from ...geometry.specimen.specimen import Specimen, make_halves
 
     diameter, printer = cord_diameter(printing.cord), Printer.from_name(printing.process)
     radii, offset = options.radii, options.offset
-    _check_radii(radii)
-    # The cords fill their channels and are glued along their whole length: two lines around them
-    # suffice, and the paper's specimen has no more.
-    channel, min_skin = diameter + printer.clearance, printer.inner_wall
-    safe_offset = float(np.ceil(10 * (min_skin + channel / 2 - _ROUNDING_MM)) / 10)
-    if offset is None:
-        offset = max(CORD_OFFSET_MM, safe_offset)
+    check_radii(radii)
+    channel = diameter + printer.clearance
+    offset, warnings = choose_offset(offset, channel, printer)
     specimen = Specimen(
         options.length, options.thickness, options.width, offset, channel, printer.clearance
     )
     check_folder(folder)
-    parts = _make_parts(specimen, sorted(radii), progress)
+    jigs = make_jigs(specimen, sorted(radii), progress)
+    parts = {
+        name: PrintPart.from_solid(name, solid, _UP.get(name, _SIDE_UP))
+        for name, solid in make_halves(specimen).items()
+    } | jigs
     printer.check_sizes({name: part.size for name, part in parts.items()})
-    warnings = []
-    skin = offset - channel / 2
-    if skin < min_skin - _ROUNDING_MM:
-        warnings.append(
-            f"the skin over the outer channels is {skin:.2f} mm thick, less than two lines of"
-            f" {printer.name} ({min_skin:.2f} mm), and may break; an offset of"
-            f" {safe_offset:.1f} mm is enough"
-        )
-    data = _describe(specimen, sorted(radii), warnings) | {
+    data = describe_specimen(specimen, sorted(radii), warnings) | {
         "cord": printing.cord,
         "process": printing.process,
     }
     return write_prints(folder, parts, data, SPECIMEN_FILE)
 
 
-def _make_parts(
+def choose_offset(offset: float | None, height: float, printer: Printer) -> tuple[float, list[str]]:
+    """Return the distance of the outer cords or traces from bottom and top.
+
+    Args:
+        offset: The requested distance, mm; None for one that is safe.
+        height: Height of the channels or traces, mm.
+        printer: The printer of the specimen.
+
+    Returns:
+        The distance (mm), and a warning if it leaves too little skin.
+    """
+    # Cords fill their channels and are glued along their whole length: two lines around them
+    # suffice, and the paper's specimen has no more.
+    min_skin = printer.inner_wall
+    safe = float(np.ceil(10 * (min_skin + height / 2 - _ROUNDING_MM)) / 10)
+    if offset is None:
+        return max(CORD_OFFSET_MM, safe), []
+    skin = offset - height / 2
+    if skin >= min_skin - _ROUNDING_MM:
+        return offset, []
+    return offset, [
+        f"the skin over the outer cords is {skin:.2f} mm thick, less than two lines of"
+        f" {printer.name} ({min_skin:.2f} mm), and may break; an offset of {safe:.1f} mm is enough"
+    ]
+
+
+def make_jigs(
     specimen: Specimen, radii: Sequence[float], progress: Progress
 ) -> dict[str, PrintPart]:
-    """Return the halves of the specimen and its jigs by name."""
+    """Return the flat jig and those of the radii (mm) by name."""
     from ...geometry.specimen.jig import make_jig
-    from ...geometry.specimen.specimen import make_halves
 
-    jigs: dict[str, Any] = {}
+    jigs = {}
     for n, radius in enumerate([None, *radii]):
         name = "jig-flat" if radius is None else f"jig-{radius:g}"
         progress("jigs", n / (len(radii) + 1), name)
-        jigs[name] = make_jig(specimen, radius)
+        jigs[name] = PrintPart.from_solid(name, make_jig(specimen, radius), _SIDE_UP)
     progress("jigs", 1.0, "done")
-    return {
-        name: PrintPart.from_solid(name, solid, _UP.get(name, (0, 1, 0)))
-        for name, solid in (make_halves(specimen) | jigs).items()
-    }
+    return jigs
 
 
-def _check_radii(radii: Sequence[float]) -> None:
+def check_radii(radii: Sequence[float]) -> None:
+    """Check that the radii (mm) of jigs are positive and different.
+
+    Raises:
+        FabricationError: They are not.
+    """
     are_positive = all(np.isfinite(r) and r > 0 for r in radii)
     if not radii or not are_positive or len({f"{r:g}" for r in radii}) < len(radii):
         raise FabricationError(
@@ -175,8 +194,16 @@ def _check_radii(radii: Sequence[float]) -> None:
         )
 
 
-def _describe(specimen: Specimen, radii: Sequence[float], warnings: list[str]) -> dict[str, Any]:
-    """Return the content of `specimen.json`."""
+def describe_specimen(
+    specimen: Specimen, radii: Sequence[float], warnings: list[str]
+) -> dict[str, Any]:
+    """Return the content of `specimen.json`.
+
+    Args:
+        specimen: The specimen.
+        radii: Radii of the jigs' surfaces, mm.
+        warnings: Warnings about the sizes.
+    """
     jigs: list[dict[str, Any]] = [
         {"name": "jig-flat", "radius": None, "neutral_radius": None, "strains": [0.0] * 3}
     ]
@@ -204,11 +231,11 @@ class PrintPart:
 
     Attributes:
         surface: Its facets, as it is on the bed, mm.
-        solid: Its TopoDS_Solid, as it was modeled.
+        solid: Its TopoDS_Solid, as it was modeled; None if it has only facets.
     """
 
     surface: Surface
-    solid: Any
+    solid: Any = None
 
     @classmethod
     def from_solid(cls, name: str, solid: Any, up: Sequence[float]) -> PrintPart:
@@ -324,7 +351,7 @@ def cord_diameter(name: str) -> float:
 def write_prints(
     folder: Path, parts: Mapping[str, PrintPart], data: dict[str, Any], file: str
 ) -> PrintFiles:
-    """Write an STL and a STEP file of every part, and last a JSON file.
+    """Write an STL and a STEP file of every part with a solid, and last a JSON file.
 
     Args:
         folder: Folder for the files.
@@ -341,16 +368,17 @@ def write_prints(
     from ...geometry.kernels import occ
     from ...geometry.printing.export import write_stl
 
-    records = [
-        {"name": name, "stl": f"{name}.stl", "step": f"{name}.step", "size": part.size}
-        for name, part in parts.items()
-    ]
+    records = []
+    for name, part in parts.items():
+        step = {} if part.solid is None else {"step": f"{name}.step"}
+        records.append({"name": name, "stl": f"{name}.stl", **step, "size": part.size})
     data = {"schema": 1, "unit": "mm", **data, "parts": records}
     with storage_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for name, part in parts.items():
             write_stl(part.surface, folder / f"{name}.stl")
-            occ.write_step(part.solid, folder / f"{name}.step", name)
+            if part.solid is not None:
+                occ.write_step(part.solid, folder / f"{name}.step", name)
         write_json(folder / file, data)
     return PrintFiles(data, folder)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 from msgspec import Meta
@@ -10,7 +11,7 @@ from msgspec import Meta
 from ...calibration.options import BoardOptions as BoardOptions
 from ...calibration.options import FitOptions as FitOptions
 from ...calibration.options import MeasureOptions as MeasureOptions
-from ...core.errors import CalibrationError
+from ...core.errors import CalibrationError, FabricationError
 from ...core.response import (
     CORD_OFFSET_MM,
     JIG_RADII_MM,
@@ -37,6 +38,29 @@ class PrintOptions:
 
     cord: str = "rubber-2mm"
     process: str = "fdm-tpu"
+
+
+@dataclass(frozen=True)
+class TraceOptions:
+    """Printed traces of calibration parts, in place of cords.
+
+    Attributes:
+        trace: Set the conductive filament, a row of data/traces.csv, to print traces.
+        trace_width: Set the width of the traces in mm (default: 1.2).
+        trace_height: Set the height of the traces in mm (default: 0.8).
+        device: Set a device with printed traces, whose [cord] and [fabrication] are used.
+
+    Raises:
+        FabricationError: A value is not valid.
+    """
+
+    trace: str | None = None
+    trace_width: Annotated[float, Meta(ge=0.1, le=20)] | None = None
+    trace_height: Annotated[float, Meta(ge=0.1, le=20)] | None = None
+    device: Path | None = None
+
+    def __post_init__(self) -> None:
+        check_options(self, FabricationError)
 
 
 @dataclass(frozen=True)
@@ -72,6 +96,27 @@ class TableOptions:
     thickness: float = SPECIMEN_THICKNESS_MM
     offset: float = CORD_OFFSET_MM
     radii: tuple[float, ...] = JIG_RADII_MM
+
+
+@dataclass(frozen=True)
+class ResistivityOptions:
+    """Measured resistances of a coupon of printed traces.
+
+    Attributes:
+        ohm: Set the resistance of each trace in ohm, in the order of the engraved numbers.
+        readings: Set a table with the columns trace and resistance (ohm); rows may repeat.
+        spread: Set the standard deviation of a reading in percent that printing and meter cause.
+
+    Raises:
+        CalibrationError: A value is not valid.
+    """
+
+    ohm: tuple[Resistance, ...] | None = None
+    readings: Path | None = None
+    spread: Annotated[float, Meta(ge=0.1, le=50)] = FitOptions.spread  # as between specimens
+
+    def __post_init__(self) -> None:
+        check_options(self, CalibrationError)
 
 
 @dataclass(frozen=True)

@@ -123,6 +123,9 @@ class StraightCords:
                     responses[:, members]
                 )
             conducting[members] = task.reading.conducting_length(1.0, prestretch) * length[members]
+        section = task.reading.section
+        if section is not None:
+            conducting *= [float(section.relative_resistance(pair)[0]) for pair in ends]
         signals = responses * conducting / (conducting + series)
         noise = task.reading.noise_at(task.reading.ohm_per_mm * (conducting + series))
         return np.concatenate([np.zeros((1, len(ends))), signals]), noise

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.device.device import Device
+from ...core.device.device import Device, FabricationSpec
 from ...core.device.filaments import read_filaments
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
 from ...geometry.kernels.cutting_tools import axes_from_normal
-from ...geometry.parts.printed_traces import PAD_DIAMETER_MM
 from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_stl
 from ...geometry.printing.print_bed import fits_bed
@@ -22,15 +22,25 @@ from ...geometry.printing.slicer_files import (
     write_material_3mf,
     write_prusa_3mf,
 )
-from ...geometry.printing.slicer_settings import TraceSettings, write_prusa_settings
+from ...geometry.printing.slicer_settings import (
+    TraceSettings,
+    format_prusa_settings,
+    write_prusa_settings,
+)
 from ...optimization.prediction.predict import ScoredLayout
+from ...sensing.built_cord import CordReading
 from ...store.manifest import CutCord, Plate, TraceRecord
 
 PRUSA_3MF, BAMBU_3MF, MATERIAL_3MF = "prusaslicer.3mf", "bambu-orca.3mf", "materials.3mf"
 SETTINGS = "two-extruders.ini"
-#: Current through a trace from which it is warmed noticeably: power per length, mW/mm.
-_MAX_POWER_MW_PER_MM = 1.0
-_SUPPLY_V = 5.0
+_MAX_WARMING_K = 1.0  # by the read-out: no temperature coefficient of a trace is known
+_SUPPLY_V = 5.0  # of the boards in firmware/, across a trace and a reference resistor as large
+#: Thermal conductivity of TPU, W/(m K): the table of polymers of NETZSCH
+#: (polymers.netzsch.com/Materials/Details/48).
+_CONDUCTIVITY = 0.19
+#: Heat that leaves the skin by radiation, W/(m^2 K): 4 sigma T^3 at 293 K for an emissivity of 0.9,
+#: which is assumed. Convection would about double it.
+_RADIATION = 4 * 0.9 * 5.67e-8 * 293**3
 _LARGEST_READABLE_OHM = 1e6
 
 
@@ -92,14 +102,34 @@ def write_printed(
     for trace in parts.traces:
         write_stl(trace.surface, out / f"{trace.name}.stl")
         solids.append(ColoredSolid(trace.name, lie(trace.surface), 2, is_trace=True))
-    write_prusa_3mf(solids, out / PRUSA_3MF, device.name)
-    write_bambu_3mf(solids, out / BAMBU_3MF, device.name)
-    write_material_3mf(solids, out / MATERIAL_3MF, device.name)
-    f = device.fabrication
-    settings = TraceSettings(nozzle_mm=(f.line, f.line), layer_mm=f.layer, bed_mm=(bed[0], bed[1]))
-    write_prusa_settings(settings, out / SETTINGS)
+    files = write_slicer_files(solids, device.fabrication, out, device.name)
     plate = Plate(PRUSA_3MF, {s.name: s.surface.bounds for s in solids})
-    return (plate,), (PRUSA_3MF, BAMBU_3MF, MATERIAL_3MF)
+    return (plate,), files
+
+
+def write_slicer_files(
+    solids: Sequence[ColoredSolid], fabrication: FabricationSpec, out: Path, title: str
+) -> tuple[str, ...]:
+    """Write one object of several solids as 3MF files, and settings for PrusaSlicer.
+
+    Args:
+        solids: The solids, where they are on the bed.
+        fabrication: Printer with two extruders.
+        out: Folder of the files.
+        title: Name of the object.
+
+    Returns:
+        Names of the 3MF files.
+    """
+    f = fabrication
+    settings = TraceSettings(
+        nozzle_mm=(f.line, f.line), layer_mm=f.layer, bed_mm=(f.bed[0], f.bed[1])
+    )
+    write_prusa_settings(settings, out / SETTINGS)
+    write_prusa_3mf(solids, out / PRUSA_3MF, title, format_prusa_settings(settings))
+    write_bambu_3mf(solids, out / BAMBU_3MF, title)
+    write_material_3mf(solids, out / MATERIAL_3MF, title)
+    return PRUSA_3MF, BAMBU_3MF, MATERIAL_3MF
 
 
 def trace_records(
@@ -135,8 +165,9 @@ def trace_records(
 
 def printing_advice(device: Device) -> list[str]:
     """Return advice on how to print a body with traces, the most important first."""
-    spec, f = device.cord.trace, device.fabrication
+    spec, pad, f = device.cord.trace, device.pad, device.fabrication
     assert spec is not None
+    assert pad is not None
     lines = max(2, round(spec.width / f.line))
     return [
         f"Open {PRUSA_3MF} in PrusaSlicer or SuperSlicer, {BAMBU_3MF} in Bambu Studio or"
@@ -152,10 +183,33 @@ def printing_advice(device: Device) -> list[str]:
         " they allow it, so that they weld.",
         f"Run 'defsense traces {device.name} FILE.gcode' before you print: it finds gaps, thin"
         " places and contacts between traces, and the resistance to expect.",
-        f"Each trace ends in two pads of {PAD_DIAMETER_MM:g} mm on the skin. Connect wires by a"
-        " screw with a washer, a crimped eyelet, a spring pin or conductive thread sewn through the"
-        " pad; solder does not stick.",
+        f"Each trace ends in two pads of {pad.diameter:g} mm on the skin, for the {pad.name} that"
+        " [wires] pad states. Solder does not stick to them.",
     ]
+
+
+def trace_warming(device: Device, record: TraceRecord) -> float:
+    """Return the temperature (K) above the surroundings that the read-out keeps a trace at.
+
+    The estimate is an upper one: half of the supply is across the trace all the time, heat leaves
+    through the thinnest wall all around as if there were no body beyond it, and the skin loses it
+    by radiation alone. The trace counts where it conducts worst.
+
+    Args:
+        device: A device with printed traces.
+        record: The trace.
+    """
+    spec = device.cord.trace
+    assert spec is not None
+    section = CordReading.from_device(device).section
+    assert section is not None
+    current = _SUPPLY_V / 2 / record.resistance
+    steepest = float(section.relative_resistance(record.line).max())
+    power = 1e3 * current**2 * device.cord.ohm_per_mm * steepest  # W per m
+    inner = (spec.area / np.pi) ** 0.5
+    outer = inner + device.fabrication.wall
+    resistance = np.log(outer / inner) / _CONDUCTIVITY + 1e3 / (outer * _RADIATION)  # 2 pi m K / W
+    return float(power * resistance / (2 * np.pi))
 
 
 def printing_notes(device: Device, records: tuple[TraceRecord, ...]) -> dict[str, Float | None]:
@@ -180,11 +234,10 @@ def printing_notes(device: Device, records: tuple[TraceRecord, ...]) -> dict[str
         ] = None
     for record in records:
         middle = record.line[len(record.line) // 2]
-        # Half of the supply is across the trace where the reference resistor equals it.
-        power = 1e3 * (_SUPPLY_V / 2) ** 2 / record.resistance / record.length
-        if power > _MAX_POWER_MW_PER_MM:
+        warming = trace_warming(device, record)
+        if warming > _MAX_WARMING_K:
             notes[
-                f"the read-out warms trace {record.name} by {power:.1f} mW per mm, which changes"
+                f"the read-out warms trace {record.name} by up to {warming:.1f} K, which changes"
                 " its resistance. Supply the divider only while it is read, or use a thinner trace"
             ] = middle
         if record.resistance > _LARGEST_READABLE_OHM:

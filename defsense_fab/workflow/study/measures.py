@@ -58,8 +58,11 @@ _MEASURES: dict[str, dict[str, tuple[str, str | Callable[[Build], Value]]]] = {
         "trained_high": ("upper limit of 90 % of trained devices, mm", "layout.band.trained.high"),
         "band_low": ("lower limit of 90 % by noise and tolerances, mm", "layout.band.low"),
         "band_high": ("upper limit of 90 % by noise and tolerances, mm", "layout.band.high"),
+        "force": ("largest force along the movement of a pose, N", "forces.largest"),
+        "torque": ("largest moment that holds a region in a pose, N mm", "forces.largest_torque"),
+        "trace_work": ("factor of work that printed traces add to a pose", "forces.traces"),
         "decoder": ("chosen decoder", "layout.prediction.decoder"),
-        "cords": ("number of cords", "layout.sensors"),
+        "cords": ("number of cords or traces", "layout.sensors"),
         "cord_length": (
             "length of all channels, mm",
             lambda build: float(sum(cord.length for cord in build.layout.sensors)),
@@ -71,6 +74,14 @@ _MEASURES: dict[str, dict[str, tuple[str, str | Callable[[Build], Value]]]] = {
     "fabricate": {
         "parts": ("number of parts", "manifest.parts"),
         "plates": ("number of plates to print", "manifest.plates"),
+        "r0_low": (
+            "smallest resistance at rest, ohm",
+            lambda build: min((c.resistance for c in build.manifest.cords), default=None),
+        ),
+        "r0_high": (
+            "largest resistance at rest, ohm",
+            lambda build: max((c.resistance for c in build.manifest.cords), default=None),
+        ),
         "removed_volume": ("volume of channels and pockets, mm³", "manifest.removed_volume"),
         "failed_checks": (
             "number of failed checks of the parts",

@@ -287,7 +287,8 @@ def _write_results(
     has_best = study.file.minimized is not None and bool(runs.done)
     with storage_errors(best):
         if has_best:
-            write_text(best, changed_text(plan.text, runs.done[0].parameters))
+            changes = {run.name: run.changes for run in plan.runs}
+            write_text(best, changed_text(plan.text, changes[runs.done[0].run]))
         else:
             best.unlink(missing_ok=True)
         runs.write_table(file)

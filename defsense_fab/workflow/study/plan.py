@@ -16,7 +16,7 @@ from ...core.storage.files import digest, storage_errors
 from ..build import stages
 from ..changed_values import changed_device
 from .study_file import FILE as STUDY
-from .study_file import Study
+from .study_file import VARIANT, Study
 
 MAX_FILES_BYTES = 500e6  # of a device; they are sent to each worker
 MIN_GROUP_RUNS = 4  # fewer runs are not worth their own simulation
@@ -29,13 +29,15 @@ class Run:
 
     Attributes:
         name: Hash of all its inputs.
-        values: Values by dotted key of `device.toml`.
+        values: Values of the parameters and of those that are fixed, by key.
+        changes: Values by dotted key of `device.toml`, those of the variant included.
         simulation: Hash of all inputs of its simulation.
         problem: Why there is no such device; else empty.
     """
 
     name: str
     values: Mapping[str, Any]
+    changes: Mapping[str, Any]
     simulation: str = ""
     problem: str = ""
 
@@ -92,8 +94,8 @@ def plan_runs(
         progress: Called with the progress.
 
     Raises:
-        StudyError: No point gives a device (`no-valid-point`), or a parameter is fixed
-            (`parameter-fixed`).
+        StudyError: No point gives a device (`no-valid-point`), or none of a variant
+            (`variant-invalid`), or a parameter is fixed (`parameter-fixed`).
         StorageError: A file cannot be read.
     """
     for key in (p.key for p in study.parameters if p.key in fixed):
@@ -106,23 +108,30 @@ def plan_runs(
     content = digest(own, *(folder / name for name in own))
     versions = stages.installed_versions()
     runs: dict[str, Run] = {}
+    refused: dict[str, DefsenseError] = {}
+    valid = set()
     points = study.points()
     for count, point in enumerate(points, 1):
         if count % POINTS_PER_REPORT == 0:
             progress("study", 0.0, f"{count} points read")
-        values = {**fixed, **point}
+        values, changes = {**fixed, **point}, study.changes({**fixed, **point})
         try:
-            device = changed_device(text, folder, values)
+            device = changed_device(text, folder, changes)
             refuse_outside(device)
         except DefsenseError as error:
             name = digest(content, sorted(values.items()), str(error))
-            run = Run(name, values, "", str(error))
+            run = Run(name, values, changes, "", str(error))
+            refused.setdefault(point.get(VARIANT, ""), error)
         else:
+            valid.add(point.get(VARIANT, ""))
             # That folder has no body: the hash of the files replaces that of the body.
             keys = stages.stage_keys(device, device.source / "study", versions)
             name, simulation = (digest(content, keys[s]) for s in (study.file.until, "simulate"))
-            run = Run(name, values, simulation)
+            run = Run(name, values, changes, simulation)
         runs.setdefault(run.name, run)
+    for variant, problem in refused.items():
+        if study.file.variants and variant not in valid:
+            study.refuse_variant(variant, problem)
     if all(run.problem for run in runs.values()):
         first = next(iter(runs.values()))
         raise StudyError(

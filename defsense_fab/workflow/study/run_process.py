@@ -64,7 +64,7 @@ def _make_run(run: dict[str, Any], task: dict[str, Any]) -> Any:
     message, source = "", Path(task["folder"]) / DEVICE
     started_at, cpu = time.perf_counter(), cpu_seconds()
     try:
-        device = changed_device(task["text"], source, run["values"])
+        device = changed_device(task["text"], source, run["changes"])
         measures = measure(build(device, task["until"]).results, task["until"])
     except DefsenseError as error:
         outcome, message = ("broken" if error.is_machine_limit else "refused"), str(error)

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn
 
+import msgspec
 import numpy as np
 from msgspec import Meta
 
-from ...core.errors import StudyError
+from ...core.errors import DefsenseError, StudyError
 from ...core.schema.declare import Positive, Problem, Table, key, missing, unknown_choice
-from ...core.schema.document import Document, load_document
+from ...core.schema.document import Document, errors_in, load_document
 from ...core.schema.key_lines import KeyPath
 from ...core.schema.reader import Reader
 from ...core.schema.types import is_number
@@ -30,6 +31,8 @@ _SIGNIFICANT_DIGITS = 6  # of drawn numbers: as many as a person would write
 
 #: Values of all parameters by key; one point per run.
 Point = dict[str, Any]
+#: The parameter whose values are the names of variants.
+VARIANT = "variant"
 _Interval = tuple[float, float]
 
 
@@ -103,9 +106,18 @@ class StudyFile(Table, frozen=True, kw_only=True):
         key(
             "Dotted keys of `device.toml` with their values: a list, `{ range = [1, 4], step = 1"
             " }`, `{ range = [0, 1], steps = 5 }`, `{ uniform = [1, 4] }` or `{ log_uniform ="
-            " [0.1, 10] }`."
+            " [0.1, 10] }`.",
+            default="needed without `variants`",
         ),
-    ]
+    ] = msgspec.field(default_factory=dict)
+    variants: Annotated[
+        tuple[dict[str, Any], ...],
+        key(
+            "Devices that are compared: each has a `name`, and keys of `device.toml` whose tables"
+            " or values it replaces as a whole. Each is combined with all `parameters`, like the"
+            " values of one more parameter."
+        ),
+    ] = ()
     design: Annotated[
         str,
         key(
@@ -199,7 +211,8 @@ class Study:
     """A parameter study.
 
     Attributes:
-        parameters: The parameters that vary, in the order of the file.
+        parameters: The parameters that vary: the variants, if any, and those of the file in their
+            order.
         file: All other keys.
         document: The file, for errors with lines.
     """
@@ -207,6 +220,17 @@ class Study:
     parameters: tuple[Parameter, ...]
     file: StudyFile
     document: Document
+
+    def changes(self, point: Point) -> Point:
+        """Return the values of a point by dotted key of `device.toml`, those of its variant first.
+
+        Other parameters then change what the variant has put there.
+        """
+        values = {k: v for k, v in point.items() if k != VARIANT}
+        if not self.file.variants:
+            return values
+        table = next(v for v in self.file.variants if v["name"] == point[VARIANT])
+        return {k: v for k, v in table.items() if k != "name"} | values
 
     def points(self) -> list[Point]:
         """Return all points of the design, the same for equal files."""
@@ -223,6 +247,20 @@ class Study:
         combine = itertools.product if self.file.design == "grid" else zip
         rows = combine(*(p.values for p in self.parameters))
         return [dict(zip(keys, row, strict=True)) for row in rows]
+
+    def refuse_variant(self, name: str, error: DefsenseError) -> NoReturn:
+        """Raise an error for a variant that gives no device, with the line of the key.
+
+        Raises:
+            StudyError: Always.
+        """
+        number = [v["name"] for v in self.file.variants].index(name)
+        keys = str(errors_in(error)[0].data.get("key") or "").split(".")
+        path: KeyPath = ("variants", number, *keys)
+        if self.document.line(path) == self.document.line(path[:2]):
+            path = path[:2]
+        text = f"{name!r} gives no device: {error}"
+        self.document.refuse([Problem(path, text, "variant-invalid", data={"variant": name})])
 
     def refuse(self, name: str, text: str, code: str, action: str = "", **data: object) -> NoReturn:
         """Raise an error for the parameter `name`, with its line.
@@ -248,6 +286,10 @@ def load_study(folder: Path) -> Study:
     document = load_document(folder / FILE, StudyError)
     file = document.read(StudyFile)
     parameters, problems = _read_parameters(file.parameters)
+    if file.variants:
+        problems += _check_variants(file.variants, parameters)
+        names = tuple(v.get("name") for v in file.variants)
+        parameters = (Parameter(VARIANT, ("variants",), names), *parameters)
     problems = problems or list(_check_design(file.design, parameters))
     if problems:
         document.refuse(problems)
@@ -287,6 +329,31 @@ def _read_parameters(table: Mapping[str, Any]) -> tuple[tuple[Parameter, ...], l
             problems.append(Problem(path, text, "key-repeated", "Omit one of them"))
         parameters[dotted] = parameter
     return tuple(parameters.values()), problems
+
+
+def _check_variants(
+    variants: Sequence[Mapping[str, Any]], parameters: Sequence[Parameter]
+) -> Iterator[Problem]:
+    """Yield problems of the variants' names and values."""
+    names: set[str] = set()
+    for number, variant in enumerate(variants):
+        path, name = ("variants", number), variant.get("name")
+        if name is None:
+            yield Problem(path, "has no name", "key-missing", 'Add name = "..."')
+        elif not isinstance(name, str) or not name.strip() or not name.isprintable():
+            yield Problem((*path, "name"), f"{name!r} is not a name", "name-invalid", "Use letters")
+        elif name in names:
+            text = f"{name!r} is used already"
+            yield Problem((*path, "name"), text, "name-repeated", "Choose another name")
+        names.add(str(name))
+        for key_name, value in variant.items():
+            if not _is_plain(value):
+                text = "must contain numbers, texts, true and false"
+                yield Problem((*path, key_name), text, "value-type")
+    for parameter in parameters:
+        if parameter.key == VARIANT:
+            text = "is the name of the variants"
+            yield Problem(parameter.path, text, "key-repeated", "Omit it")
 
 
 def _leaves(table: Mapping[str, Any], at: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
@@ -330,7 +397,7 @@ def _check_design(design: str, parameters: tuple[Parameter, ...]) -> Iterator[Pr
     """Yield problems of parameters that a design cannot combine."""
     if not parameters:
         text = "there is nothing to vary"
-        action = "Give at least one parameter, as in cord.noise = [0.001, 0.01]"
+        action = "Give a parameter, as in cord.noise = [0.001, 0.01], or [[variants]]"
         yield Problem(("parameters",), text, "too-few-items", action)
     if not parameters or design == LATIN_HYPERCUBE:
         return

@@ -69,6 +69,9 @@ def test_a_printed_trace_by_its_row(tmp_path):
     assert cord.ohm_per_mm == pytest.approx(50.0)
     assert cord.diameter == pytest.approx(np.hypot(1.6, 1.0))
     assert read(PRINTED, tmp_path).modulus == read_filaments()["eel"]["young_modulus"].value
+    table = read_filaments()["eel"]["between_layers"].value
+    assert read(PRINTED, tmp_path).trace.between_layers == table
+    assert read(PRINTED + "between_layers = 7", tmp_path).trace.between_layers == 7.0
     assert read('name = "rubber-2mm"', tmp_path).trace is None
 
 
@@ -82,6 +85,8 @@ def test_a_printed_trace_by_its_row(tmp_path):
         (PRINTED + "height = 0.1", "trace-too-thin", "height"),
         (PRINTED + "diameter = 2", "key-not-applicable", "diameter"),
         ('name = "rubber-2mm"\nwidth = 1.2', "key-not-applicable", "width"),
+        ('name = "rubber-2mm"\nbetween_layers = 2', "key-not-applicable", "between_layers"),
+        (PRINTED + "between_layers = 0", "out-of-range", "between_layers"),
         ('process = "sewn"', "value-choice", "process"),
     ],
 )

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import FabricationError
-from defsense_fab.geometry.printing.bead_cells import cut_into_cells
-from defsense_fab.geometry.printing.conductor_network import Resistivity
+from defsense_fab.geometry.printing.bead_cells import cut_into_cells, find_contacts
+from defsense_fab.geometry.printing.conductor_network import Resistivity, find_necks
 from defsense_fab.geometry.printing.conductors import check_traces
 from defsense_fab.geometry.printing.gcode import Beads, find_shift, read_beads
 from defsense_fab.geometry.printing.slicer_files import write_prusa_3mf
@@ -58,6 +58,19 @@ def test_intact_synthetic_print_has_no_findings(tmp_path, dialect):
         assert trace.neck_area == pytest.approx(12 * 0.08, rel=0.01)
         assert trace.resistance == pytest.approx(100 * 30 / (12 * 0.08), rel=0.01)
     assert bool(report.warnings) == (dialect != "prusa")
+
+
+def test_a_neck_of_a_stretch_without_beads_has_a_place(tmp_path):
+    """The last of the stretches begins beyond the beads of the trace, which end at x = 40."""
+    path = tmp_path / "a.gcode"
+    path.write_text(synthetic_gcode())
+    beads = read_beads(path)
+    chosen = np.flatnonzero((beads.tool == 1) & beads.is_object)
+    cells, joined = cut_into_cells(beads, chosen)
+    arc = cells.center[:, 0] - 10
+    necks = find_necks(cells, find_contacts(cells, joined), arc, (0.0, 60.0), 10.0)
+    assert necks[-1].area == 0
+    assert necks[-1].point[0] == pytest.approx(40, abs=1)
 
 
 def test_resistance_is_that_of_few_beads_where_others_are_missing(tmp_path):

@@ -20,6 +20,7 @@ from defsense_fab.geometry.printing.slicer_files import (
 )
 from defsense_fab.geometry.printing.slicer_settings import (
     TraceSettings,
+    format_prusa_settings,
     slice_with_prusa,
     write_prusa_settings,
 )
@@ -70,6 +71,15 @@ def test_volumes_of_prusa_are_ranges_of_triangles(tmp_path):
     assert re.findall(r'firstid="(\d+)" lastid="(\d+)"', text) == [("0", "11"), ("12", "23")]
     assert re.findall(r'key="extruder" value="(\d)"', text) == ["1", "2"]
     assert text.count('key="fill_density" value="100%"') == 1
+
+
+def test_prusa_opens_the_file_with_the_settings_in_it(tmp_path):
+    text = format_prusa_settings(TraceSettings())
+    write_prusa_3mf(two_boxes(), tmp_path / "a.3mf", "block", text)
+    lines = zipfile.ZipFile(tmp_path / "a.3mf").read("Metadata/Slic3r_PE.config").decode()
+    assert [line.removeprefix("; ") for line in lines.splitlines()] == text.splitlines()
+    write_prusa_3mf(two_boxes(), tmp_path / "b.3mf", "block")
+    assert "Metadata/Slic3r_PE.config" not in zipfile.ZipFile(tmp_path / "b.3mf").namelist()
 
 
 def test_parts_of_bambu_are_the_components(tmp_path):

@@ -8,14 +8,18 @@ import pytest
 
 from defsense_fab.core.device.device import DECODERS
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.device.regions import Box, HalfSpace, Sphere
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.decoding.expected_errors import LEFT_OUT, NONE
 from defsense_fab.optimization.prediction.as_built import assumed_ends
 from defsense_fab.optimization.prediction.design_task import (
     candidate_decoders,
+    check_exits,
     layout_limits,
     signal_model,
 )
+from defsense_fab.sensing.built_cord import CordReading
+from tests.conftest import box_surface
 from tests.support.errors import raises
 from tests.support.places import DEVICES
 
@@ -87,6 +91,36 @@ def test_cords_extend_beyond_the_body_without_pockets(bar, pockets, hidden, beyo
     """However shallow pockets are; 20 mm at either end, 2 mm from a path's end to the skin."""
     task = SimpleNamespace(
         fabrication=with_(bar, pockets=pockets).fabrication,
+        reading=CordReading.from_device(bar),
         design=SimpleNamespace(sense=SimpleNamespace(hidden=hidden)),
     )
     assert assumed_ends(task, 100.0) == (hidden, beyond)
+
+
+@pytest.mark.parametrize(
+    ("region", "code"),
+    [
+        (Box(np.array([-1.0, -16, -16]), np.array([10.0, 16, 16])), None),
+        (Box(np.array([-9.0, -16, -16]), np.array([0.0, 16, 16])), None),  # it ends at the skin
+        (Box(np.array([20.0, -9, -9]), np.array([60.0, 9, 9])), "exit-off-skin"),
+        (Box(np.array([-9.0, -16, -16]), np.array([-2.0, 16, 16])), "exit-off-skin"),
+        (Sphere(np.array([75.0, 0, 15]), 1.0), "exit-too-small"),
+        (HalfSpace(np.array([140.0, 0, 0]), np.array([1.0, 0, 0])), None),
+    ],
+)
+def test_exits_need_room_on_the_skin(bar, region, code):
+    """The bar extends from 0 to 150 mm and is 30 mm wide and high."""
+    surface = box_surface((0, -15, -15), (150, 15, 15))
+    device = replace(bar, regions={**bar.regions, "base": region}, exits=("base",))
+    if code is None:
+        check_exits(device, surface)
+        return
+    with raises(DeviceError, code):
+        check_exits(device, surface)
+
+
+def test_of_several_exits_one_needs_skin(bar):
+    inner = Box(np.array([20.0, -9, -9]), np.array([60.0, 9, 9]))
+    regions = {**bar.regions, "inner": inner}
+    device = replace(bar, regions=regions, exits=("base", "inner"))
+    check_exits(device, box_surface((0, -15, -15), (150, 15, 15)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from defsense_fab.core.curve import Hermite, Plane, catmull_rom, sample_path
+from defsense_fab.core.curve import Hermite, Plane, catmull_rom, curvature, sample_path
 from defsense_fab.core.device.device import DECODERS, Sensor
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.core.response import ResponseSpec
@@ -195,6 +195,18 @@ def test_a_path_with_a_cusp_is_found(bar, straight):
     tangents = [[8, 0], [8, 0], [26, 0], [26, 0], [-26, 0], [26, 0], [8, 0], [8, 0]]
     problems = verify([_locked(points, tangents)], bar, LIMITS).violations
     assert any(p.code == "bend-too-tight" and p.value < 0.005 for p in problems), problems
+
+
+def test_a_short_bend_at_a_control_point_is_found(bar, straight):
+    """The curvature jumps there: circles through samples 0.25 mm apart average over it."""
+    tangents = [[8, 0], [8, 0], [3, 0], [26, 0], [26, 0], [26, 0], [8, 0], [8, 0]]
+    points = straight().curve.points.copy()
+    points[3, 1] = 1.0
+    sensor = _locked(points, tangents)
+    exact = 1 / np.abs(curvature(sensor.curve.points, sensor.curve.tangents, 2000)).max()
+    check = verify([sensor], bar, LIMITS)
+    assert check.cords[0].min_radius == pytest.approx(exact, rel=0.01)
+    assert [v.code for v in check.violations] == ["bend-too-tight"]
 
 
 def test_thin_slices_between_planes_are_slivers(problem, straight):

@@ -122,3 +122,31 @@ def test_a_drawing_through_a_kept_region_is_found(problem, straight):
     limits = replace(LIMITS, kept_whole=(BOLT,))
     codes = {v.code for v in verify([straight("a", y=6)], problem.surface, limits).violations}
     assert codes == {"kept-region-crossed", "kept-region-cut"}
+
+
+@pytest.mark.slow
+def test_derivatives_at_pads_by_finite_differences(problem, straight):
+    """The mouths of the first path are near the region, which its pads keep away from."""
+    button = Sphere(np.array([4.0, 10, 6]), 3.0)
+    limits = replace(LIMITS, kept_whole=(button,), pad=4.0, is_cut=False)
+    cords = [CordParameters(straight(n, y=y).in_space()) for n, y in (("a", 5), ("b", -5))]
+    constraints = Constraints(problem.surface, problem.depth, limits, cords)
+    x = np.random.default_rng(6).normal(0, 0.3, sum(c.size for c in cords))
+    values, jacobian = constraints(x)
+    plain = replace(limits, pad=0.0)
+    without = Constraints(problem.surface, problem.depth, plain, cords)(x)[0]
+    assert len(values) == len(without) + 4
+    check_jacobian(constraints, x, jacobian)
+
+
+@pytest.mark.slow
+def test_a_pad_near_a_kept_region_is_found(problem, straight):
+    """The mouth at x = 0 is 2.5 mm from the region: enough for the channel, not for a pad."""
+    button = Cylinder(np.array([-1.0, 5, 5.5]), np.array([10.0, 5, 5.5]), 3.0)
+    limits = replace(LIMITS, kept_whole=(button,), is_cut=False)
+    sensors = [straight("a", y=5).in_space()]
+    assert not verify(sensors, problem.surface, limits).violations
+    limits = replace(limits, pad=4.0)
+    (violation,) = verify(sensors, problem.surface, limits).violations
+    assert violation.code == "kept-region-crossed"
+    assert violation.value == pytest.approx(2.5, abs=1e-6)

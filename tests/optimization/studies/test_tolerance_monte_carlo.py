@@ -39,6 +39,18 @@ def every(problem):
     return UnseenStates(NONE, ((k, k),), ((k[1:], TWISTS),))
 
 
+def test_the_resistance_of_built_traces_changes_their_noise_alone(problem, straight):
+    cord = BuiltCord(sample_path(straight("a")), 0.0, None)
+    reading = CordReading(problem.sense.response, 125.0, 0.003, 50.0)
+    tolerances, rng = replace(EXACT, resistance=0.15), np.random.default_rng(0)
+    built = [sample_built_cord(cord, reading, rng, tolerances)[1] for _ in range(400)]
+    ohm = np.array([b.resistance(cord) for b in built]) / reading.resistance(cord)
+    assert ohm.std() == pytest.approx(0.15, rel=0.15)
+    for one, ratio in zip(built, ohm, strict=True):
+        assert one.noise(cord) == pytest.approx(np.hypot(0.003, np.sqrt(2) * 50 / 18250 / ratio))
+        assert one.response.linear_slope == reading.response.linear_slope
+
+
 def random_layout(straight, rng):
     """Return two wavy cords; they need not keep the limits."""
     layout = []

@@ -127,7 +127,7 @@ def test_parts_of_an_older_device_stay_and_are_marked_as_outdated(made_page):
     made_page.poll()
     assert mode.checking.wait(TIMEOUT_S)
     assert mode.state.code == "outdated"
-    assert mode.state.outdated_stage == "optimize the cords"
+    assert mode.state.outdated_stage == "optimize the layout"
     assert mode.state.error == "the disk is full"
     assert mode.guide is not None
     export_to(mode, None)

@@ -48,12 +48,12 @@ def test_the_state_text_has_the_stage_the_changes_and_the_error():
     text = state_text(
         BuildState(
             is_built=True,
-            outdated_stage="optimize the cords",
+            outdated_stage="optimize the layout",
             error="the disk is <full>",
             changes="copies is 2",
         )
     )
-    assert "'optimize the cords'" in text
+    assert "'optimize the layout'" in text
     assert "the disk is &lt;full&gt;" in text
     assert "(copies is 2)" in text
     assert "`--copies 3`" in state_text(BuildState(is_built=True, options="--copies 3"))

@@ -1,6 +1,7 @@
 """A bar that is printed in one piece with its traces, from device.toml to its guide."""
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -12,7 +13,10 @@ from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.geometry.printing.slicer_settings import slice_with_prusa
+from defsense_fab.sensing.built_cord import CordReading
 from defsense_fab.store.build import Build
+from defsense_fab.twin.devices.twin_traits import TwinTraits
+from defsense_fab.workflow.build.pose_forces import pose_forces
 from defsense_fab.workflow.fabrication.printed import place_on_bed
 from tests.support.body_scripts import write_bar
 from tests.support.errors import raises
@@ -34,6 +38,19 @@ searches = 1
 """
 
 
+NARROW = """[wires]
+exit = ["slot"]
+pad = "thread"
+
+[regions.slot]
+box = [[-1, -3, -16], [4, 3, 16]]
+
+[fabrication]"""
+CORD_WITH_PAD = """name = "rubber-2mm"
+
+[wires]
+pad = "screw"
+"""
 DRAWN = """[[sensors]]
 name = "{}"
 control_points = [[2, 0, 0], [50, 0, 5], [100, 5, 0], [148, 0, 0]]
@@ -59,7 +76,13 @@ def write_device(folder, **changes):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    folder = write_device(tmp_path_factory.mktemp("printed"))
+    """A bar with a hole to spare that is smaller than the edges of its mesh."""
+    changes = {
+        "[regions]": "[regions]\nhole = { cylinder = { start = [5, 8, -15], end = [5, 8, 15],"
+        " radius = 1.0 } }",
+        "[fabrication]": '[fabrication]\nkeep_whole = ["hole"]',
+    }
+    folder = write_device(tmp_path_factory.mktemp("printed"), **changes)
     assert main(["build", str(folder)]) == DONE
     return folder
 
@@ -86,11 +109,46 @@ def test_pads_are_on_the_skin_of_the_end_that_all_poses_hold(folder):
         assert trace.pads[:, 0].max() < 10.0
 
 
+def test_traces_sense_up_to_their_pads(folder):
+    build, device = Build(folder / "build"), load_device(folder)
+    reading = CordReading.from_device(device)
+    for record, trace in zip(build.layout.by_channel(), build.manifest.traces, strict=True):
+        assert record.stretch[[0, -1]] == pytest.approx(trace.pads, abs=1e-3)
+        assert record.series == 0
+        assert trace.resistance == pytest.approx(reading.resistance(record.built))
+        assert record.noise == pytest.approx(reading.noise(record.built))
+
+
+def test_the_band_has_the_spread_of_the_filament(folder):
+    """So do simulated devices."""
+    band, device = Build(folder / "build").layout.band, load_device(folder)
+    spread, traits = device.cord.trace.spread, TwinTraits.for_device(device)
+    assert (band.gauge, band.resistance) == (spread, spread)
+    assert (traits.building.gauge, traits.rubber.ohm_spread) == (spread, spread)
+
+
+def test_traces_and_pads_keep_a_wall_to_a_kept_region(folder):
+    parts = folder / "build" / "parts"
+    for name in ("trace-1", "trace-2"):
+        x, y, _ = trimesh.load_mesh(parts / f"{name}.stl").sample(20000, seed=0).T
+        assert np.hypot(x - 5, y - 8).min() > 1.0 + 1.2 - 0.05
+
+
 def test_the_stiffness_of_the_traces_is_in_the_prediction(folder):
     """The traces are stiffer than the body, so the stored fields differ."""
     build = Build(folder / "build")
     change = np.abs(build.fields.displacements - build.plain_fields.displacements).max()
     assert 1e-3 < change < 5.0
+
+
+def test_traces_make_poses_take_more_force(folder):
+    build = Build(folder / "build")
+    assert [p.pose for p in build.forces.poses] == ["bend_up", "bend_down", "twist"]
+    assert 1.0 < build.forces.traces < 2.0
+    device = load_device(folder)
+    plain = pose_forces(device, build.quadratic_mesh, build.plain_fields)
+    for before, after in zip(plain.poses, build.forces.poses, strict=True):
+        assert before.power < after.power
 
 
 def test_the_guide_has_no_joints_and_cords(folder):
@@ -104,6 +162,16 @@ def test_the_guide_has_no_joints_and_cords(folder):
     ]
     assert [a.get("cord") for a in actions[1:3]] == ["trace-1", "trace-2"]
     assert actions[1]["ohm"][0]["about"] > 1000
+    page = (folder / "build" / "guide.html").read_text(encoding="utf-8")
+    assert page.count("data:image/svg+xml") == 1
+
+
+def test_texts_on_printed_traces_do_not_call_them_cords(folder):
+    """Tables and keys of device.toml keep their names: [cord]."""
+    for page in ("report.html", "guide.html"):
+        text = (folder / "build" / page).read_text(encoding="utf-8")
+        text = re.sub(r"(?s)<(style|script).*?</\1>", "", text)
+        assert not re.search(r"\bcords?\b(?!\])", re.sub(r"<[^>]*>", " ", text))
 
 
 def test_a_second_build_has_nothing_to_do(folder):
@@ -146,7 +214,12 @@ def test_a_file_that_is_no_gcode_is_refused(folder):
     [
         ({'"ninjaflex-85a"': '"ecoflex-00-30"'}, "trace-too-stiff"),
         ({'"fdm-tpu"': '"polyjet"'}, "printer-without-second-extruder"),
+        ({'"fdm-tpu"': '"fdm-tpu"\nline = 0.8'}, "trace-too-thin"),
+        ({'"fdm-tpu"': '"fdm-tpu"\nlayer = 0.5'}, "trace-too-thin"),
         ({"searches = 1": "searches = 1\nplanes = 1"}, "key-not-applicable"),
+        ({"[fabrication]": '[wires]\npad = "bolt"\n\n[fabrication]'}, "value-choice"),
+        ({"[fabrication]": NARROW}, "exit-too-small"),
+        ({'process = "printed"\ntrace = "eel"': CORD_WITH_PAD}, "key-not-applicable"),
         ({"[design]": DRAWN.format("../up") + "\n[design]"}, "name-invalid"),
         ({"[design]": DRAWN.format("body") + "\n[design]"}, "name-invalid"),
         ({"[fabrication]": '[wires]\nexit = ["bse"]\n\n[fabrication]'}, "unknown-region"),

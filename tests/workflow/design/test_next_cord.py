@@ -7,6 +7,7 @@ import pytest
 
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.device.filaments import TraceSpec
 from defsense_fab.store.build import Build
 from defsense_fab.workflow.design.body_section import BodySection
 from defsense_fab.workflow.design.layout_judge import LayoutJudge
@@ -42,15 +43,18 @@ def final_map(judge, sensors, length):
     return cord_map
 
 
-@pytest.mark.parametrize("assembly", ["held", "bonded", "free"])
+@pytest.mark.parametrize("assembly", ["held", "bonded", "free", "printed"])
 @pytest.mark.parametrize("length", [36.0, None])
 def test_drops_match_the_judge(device, live_bar, assembly, length):
+    has_pockets = assembly in ("held", "bonded")
     fabrication = replace(
         device.fabrication,
-        assembly="bonded" if assembly == "free" else assembly,
-        pockets=assembly != "free",
+        assembly=assembly if has_pockets else "bonded",
+        pockets=has_pockets,
     )
-    device = replace(device, fabrication=fabrication)
+    trace = TraceSpec("eel", 1.2, 0.8, 120.0, 2.0, 3.0, 80.0, 0.15)
+    cord = replace(device.cord, trace=trace) if assembly == "printed" else device.cord
+    device = replace(device, fabrication=fabrication, cord=cord)
     judge = LayoutJudge(device, Build(live_bar.folder / "build"))
     sensors = device.sensors
     cord_map = final_map(judge, sensors, length)

@@ -14,6 +14,7 @@ import trimesh
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CaptureError, StudyError
 from defsense_fab.workflow.build import cluster
+from defsense_fab.workflow.changed_values import changed_device
 from defsense_fab.workflow.study import run_group
 from defsense_fab.workflow.study.options import StudyOptions
 from defsense_fab.workflow.study.parameter_study import study_parameters
@@ -106,6 +107,23 @@ def test_interrupted_study_resumes(folder, capsys):
         study_parameters(folder, {})
     assert "runs.log" in reject(capsys, folder)
     assert log.read_text("utf-8") == "what?\n"
+
+
+@pytest.mark.slow
+def test_variants_are_compared_and_the_best_is_a_device(folder, capsys):
+    (folder / "study.toml").write_text(
+        'until = "body"\nminimise = "volume"\n[[variants]]\nname = "as it is"\n'
+        '[[variants]]\nname = "small"\nbody = { mesh = "box.stl", scale = 0.5 }\n'
+    )
+    result = study(capsys, folder)
+    volumes = {r["parameters"]["variant"]: r["measures"]["volume"] for r in result["done"]}
+    assert volumes == pytest.approx({"small": 1280, "as it is": 10240})
+    best = changed_device((folder / "study" / "best.toml").read_text("utf-8"), folder, {})
+    assert best.body.scale == 0.5
+    assert main(["study", str(folder)]) == 0
+    assert "small" in capsys.readouterr().out
+    with (folder / "study" / "results.csv").open(encoding="utf-8") as file:
+        assert {row["variant"] for row in csv.DictReader(file)} == set(volumes)
 
 
 @pytest.mark.slow

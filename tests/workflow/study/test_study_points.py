@@ -129,6 +129,22 @@ def test_a_latin_hypercube_has_a_point_in_every_interval_of_each_parameter(folde
         ('until = "report"\n[parameters]\na.b = [1]', "value-choice", "until", 1),
         ('minimise = "decoder"\n[parameters]\na.b = [1]', "unknown-measure", "minimise", 1),
         ("[parameters]", "too-few-items", "parameters", 1),
+        ("schema = 1", "too-few-items", "parameters", None),
+        ("[[variants]]\ncord.name = 'a'", "key-missing", "variants.1", 1),
+        ("[[variants]]\nname = 3", "name-invalid", "variants.1.name", 2),
+        (
+            '[[variants]]\nname = "a"\n[[variants]]\nname = "a"',
+            "name-repeated",
+            "variants.2.name",
+            4,
+        ),
+        ('[[variants]]\nname = "a"\nx = [2020-01-01]', "value-type", "variants.1.x", 3),
+        (
+            '[parameters]\nvariant = [1]\n[[variants]]\nname = "a"',
+            "key-repeated",
+            "parameters.variant",
+            2,
+        ),
         ("colour = 3\n[parameters]\na.b = [1]", "key-unknown", "colour", 1),
     ],
 )
@@ -148,6 +164,46 @@ def test_a_parameter_that_is_fixed_is_refused(folder):
     whole = study(folder, "[parameters]\nbody.parameters.width = [20, 30]\n")
     with raises(StudyError, "parameter-fixed", parameter="body.parameters.width", line=2):
         plan_runs(folder, whole, {"body.parameters.width": 25})
+
+
+VARIANTS = """[parameters]
+design.seed = [1, 2]
+[[variants]]
+name = "cords"
+[[variants]]
+name = "traces"
+sensors = []
+"design.sensors" = 2
+cord = { process = "printed", trace = "eel", width = 1.0 }
+material = { name = "ninjaflex-85a" }
+"""
+
+
+def test_variants_replace_tables_and_combine_with_parameters(folder):
+    plan = plan_runs(folder, study(folder, VARIANTS), {})
+    names = [(r.values["variant"], r.values["design.seed"]) for r in plan.runs]
+    assert names == [("cords", 1), ("cords", 2), ("traces", 1), ("traces", 2)]
+    assert len({r.name for r in plan.runs}) == 4
+    cords, traces = (changed_device(plan.text, folder, plan.runs[i].changes) for i in (1, 3))
+    assert (cords.cord.trace, len(cords.sensors), cords.seed) == (None, 3, 2)
+    assert (traces.cord.trace.width, traces.sensors, traces.propose, traces.seed) == (1.0, (), 2, 2)
+    written = changed_text(plan.text, plan.runs[3].changes)
+    assert changed_device(written, folder, {}).cord == traces.cord
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ('trace = "eel"', 'trace = "eal"', 9),
+        ("width = 1.0", "width = -1.0", 9),
+        ("sensors = []", "sensor = []", 7),
+        ('"design.sensors" = 2', '"design.sensors" = 0', 5),  # its table begins there
+    ],
+)
+def test_a_variant_that_gives_no_device_is_refused_with_its_line(folder, old, new, line):
+    whole = study(folder, VARIANTS.replace(old, new))
+    with raises(StudyError, "variant-invalid", variant="traces", line=line):
+        plan_runs(folder, whole, {})
 
 
 def test_parameters_reach_into_poses_and_absent_tables_and_leave_comments(folder):

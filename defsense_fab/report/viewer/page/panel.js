@@ -1,7 +1,7 @@
 // The controls next to the view, and their texts. Names from the device are set as text, not HTML.
-const KINDS = { body: "body", cord: "cords", wire: "wires", pin: "pins", seat: "marker seats" };
+const KINDS = ["body", "cord", "wire", "pin", "seat"];
 const QUANTITIES = { error: "Error without noise, mm", strain: "Largest principal strain, %" };
-const KIND_WORDS = { part: "part", cord: "cord", wire: "wire", pin: "pin", seat: "marker seat" };
+const KIND_WORDS = { part: "part", wire: "wire", pin: "pin", seat: "marker seat" };
 const ROUND_TRIP = 4; // s, from rest to the pose and back
 
 class Panel {
@@ -139,15 +139,15 @@ class Panel {
 
   _shown() {
     const row = this.get("shown");
-    const there = Object.keys(KINDS).filter((kind) =>
+    const there = KINDS.filter((kind) =>
       kind === "body" || this.content.followers.some((follower) => follower.kind === kind));
     for (const kind of there) {
-      this._box(row, KINDS[kind], KIND_COLORS[kind], true, (on) => {
+      this._box(row, kind === "body" ? kind : `${this._word(kind)}s`, KIND_COLORS[kind], true, (on) => {
         this.stage.hidden[on ? "delete" : "add"](kind);
         this.set({});
       });
     }
-    this._box(row, "transparent", null, false, (on) => this.set({ through: on }));
+    this._box(row, "transparent", null, this.stage.state.through, (on) => this.set({ through: on }));
   }
 
   _box(row, words, color, on, changed) {
@@ -159,6 +159,11 @@ class Panel {
     dot.style.background = color;
     label.append(box, ...(color ? [dot] : []), words);
     row.append(label);
+  }
+
+  // What texts call a kind; sensors are cords or printed traces.
+  _word(kind) {
+    return kind === "cord" ? this.content.noun : KIND_WORDS[kind];
   }
 
   _names() {
@@ -183,7 +188,7 @@ class Panel {
       const cord = this.stage.followers.indexOf(this.picked);
       facts.push(["resistance in this view", `${Math.round(this.stage.resistances()[cord])} Ω`]);
     }
-    title.textContent = kind === "surface" ? record.name : `${record.name} (${KIND_WORDS[kind]})`;
+    title.textContent = kind === "surface" ? record.name : `${record.name} (${this._word(kind)})`;
     for (const [label, value] of facts) {
       const term = document.createElement("dt"), words = document.createElement("dd");
       term.textContent = label;

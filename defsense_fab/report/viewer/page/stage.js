@@ -13,7 +13,9 @@ class Stage {
     this.followers = scene.content.followers.map((follower) => new Follower(follower, scene));
     this.body = new Body(scene);
     this.hidden = new Set();
-    this.state = { open: 0, pose: null, amount: 1, colors: "error", read: "hidden", through: false };
+    // Printed traces are inside a body that no joint opens.
+    const through = scene.content.noun === "trace";
+    this.state = { open: 0, pose: null, amount: 1, colors: "error", read: "hidden", through };
     this._light();
     for (const follower of [...this.parts, ...this.followers]) this.scene.add(follower.mesh);
     this.scene.add(this.body.mesh, this.body.read);
