@@ -99,7 +99,9 @@ class TwinTraits:
 
     @classmethod
     def for_device(cls, device: Device, options: TwinOptions | None = None) -> TwinTraits:
-        """Return the traits with the noise and the joints of the device's cord.
+        """Return the traits with the noise and the joints of the device's cords or printed traces.
+
+        Printed traces also have the filament's differences between prints.
 
         Args:
             device: The device.
@@ -123,9 +125,14 @@ class TwinTraits:
                 )
             cameras = TwinCameras.parse(f"{TWIN}:{options.cameras}")
             film = FilmTraits(cameras.kind, cameras.count, options.rate)
-        memory = CORD_FAMILIES[options.cords]()
-        rubber = RubberTraits(memory, noise=cord.noise, contact=cord.contact)
-        return cls(rubber=rubber, markers=markers, film=film)
+        memory = CORD_FAMILIES[options.family(device)]()
+        rubber, building = RubberTraits(memory, noise=cord.noise, contact=cord.contact), None
+        if cord.trace is not None:
+            rubber = replace(rubber, ohm_spread=cord.trace.spread)
+            building = BuildingTraits(gauge=cord.trace.spread)
+        return cls(
+            building=building or BuildingTraits(), rubber=rubber, markers=markers, film=film
+        )
 
     @property
     def assumptions(self) -> list[Assumption]:
