@@ -2,18 +2,21 @@
 
     python -m benchmarks.filament_memory
 
-`printed_tpu_staircase.csv` has the readings of five printed bending sensors of conductive TPU, 0.6 mm
-thick: the change of R, in percent of R0, at the end of each plateau of a staircase of displacements
-that goes up and down five times. Source: P. Gurram and M. Elgendi, Replication-aware design
-selection and validation of 3D-printed conductive TPU bending sensors, `plateau_metrics.csv` of
-github.com/poojasrinivas1304/Sensors-Morphology at 7025fb0a (data: CC BY 4.0), rounded to 0.01.
-The brand of the filament and the strain are not stated: strain is taken to grow with the square root
-of the displacement, as in a strip that buckles.
+`printed_tpu_staircase.csv` has the readings of five printed bending sensors of conductive TPU,
+0.6 mm thick: the change of R, in percent of R0, at the end of each plateau of a staircase of
+displacements that goes up and down five times. Source: P. Gurram and M. Elgendi, Replication-aware
+design selection and validation of 3D-printed conductive TPU bending sensors, `plateau_metrics.csv`
+of github.com/poojasrinivas1304/Sensors-Morphology at 7025fb0a (data: CC BY 4.0), rounded to 0.01.
+The brand of the filament and the strain are not stated: strain is taken to grow with the square
+root of the displacement, as in a strip that buckles.
 
-Each sensor's ln(R/R0) is fitted by a quadratic of the strain (the response, unknown) and the terms of
-the network for direction, opened paths and settling. Printed are the sizes of these terms, the share
-of the variance that they explain, and how much a reading differs from the sum of the means of its
-cycle and of its plateau, which no model of loops explains.
+Each sensor's ln(R/R0) is fitted by a quadratic of the strain (the response, unknown) and the terms
+of the network for direction, opened paths and settling. Printed are the sizes of these terms, the
+share of the variance that they explain, and how much a reading differs from the sum of the means of
+its cycle and of its plateau, which no model of loops explains.
+
+Sensors differ in the logarithms of the sizes. Each is fitted to either half of its readings, which
+alternate; the variance of the fits is subtracted from that of the sensors.
 """
 
 from __future__ import annotations

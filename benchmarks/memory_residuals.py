@@ -9,15 +9,14 @@ to decode their ideal signals, and is tested on the last 30 %. The error of the 
 the noise of the readings, is divided by the largest signal of each cord.
 It contains hysteresis, relaxation, softening, and the drift and the temperature of the session.
 
-`--write` replaces the rows of these families in `data/memory_residuals.csv`: quantiles over the pieces of
-cord, of the decoder that `train` chooses and of the paper's affine one.
+`--write` replaces the rows of these families in `data/memory_residuals.csv`: quantiles over the
+pieces of cord, of the decoder that `train` chooses and of the paper's affine one.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -120,7 +119,18 @@ def measure_rows(
             f" of random movement of the twin's cords `{family}`"
         )
         name = f"{family}-{count}-{kind}"
-        rows.append([name, family, CORD_OF_FAMILY.get(family, "any"), count, kind, "simulated", *quantiles, source])
+        rows.append(
+            [
+                name,
+                family,
+                CORD_OF_FAMILY.get(family, "any"),
+                count,
+                kind,
+                "simulated",
+                *quantiles,
+                source,
+            ]
+        )
         print(*rows[-1][:-1], flush=True)
     return rows
 

@@ -91,10 +91,8 @@ def calibrate_twins(tmp_path, seed, k=2.0, q=0.0, spec=None, **traits):
         ("cubic", {"k": -1.0, "q": -10.0, "c": -150.0}, {"resistance-falls"}),
     ],
 )
-def test_responses_of_filaments_are_found_despite_their_memory(
-    tmp_path, name, coefficients, codes
-):
-    """Resistances that fall, turn or bend, with loops of 10 % of the range and strong relaxation."""
+def test_responses_of_filaments_are_found_despite_their_memory(tmp_path, name, coefficients, codes):
+    """Resistances that fall, turn or bend, with loops of 10 % of the range, and relaxation."""
     true = ResponseSpec(name, coefficients, (-0.1, 0.1))
     strain = np.linspace(-0.066, 0.066, 41)
     expected = build_response(true)(strain)

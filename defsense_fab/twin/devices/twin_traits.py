@@ -130,9 +130,7 @@ class TwinTraits:
         if cord.trace is not None:
             rubber = replace(rubber, ohm_spread=cord.trace.spread)
             building = BuildingTraits(gauge=cord.trace.spread)
-        return cls(
-            building=building or BuildingTraits(), rubber=rubber, markers=markers, film=film
-        )
+        return cls(building=building or BuildingTraits(), rubber=rubber, markers=markers, film=film)
 
     @property
     def assumptions(self) -> list[Assumption]:

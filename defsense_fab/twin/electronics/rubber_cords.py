@@ -1,8 +1,9 @@
 """Pieces of cord of carbon-filled rubber, and printed traces, with one of the families of memories.
 
 `HystereticMemory` and `ContactNetwork`, the default of printed traces, are fitted to published
-recordings (see their modules). `MemoryTraits`, the default of cords, has assumed numbers. It is nonlinear, but made of relaxing elements, as the decoders assume. Its
-response to the ideal signal s = (R - R0)/R0 without memory is
+recordings (see their modules). `MemoryTraits`, the default of cords, has assumed numbers. It is
+nonlinear, but made of relaxing elements, as the decoders assume. Its response to the ideal signal
+s = (R - R0)/R0 without memory is
 
     a = gain (s (1 + mu phi(s/m)) + c z + y_1 + y_2 + y_3).
 

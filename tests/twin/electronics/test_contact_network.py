@@ -48,7 +48,9 @@ def test_response_is_ideal_without_any_trait():
 def test_curvature_raises_resistance_in_tension_and_in_compression():
     times, signal = ramps([-0.2, 0.2])
     response, _ = respond(only("tunneling"), times, signal)
-    assert (response - signal)[[0, -1]] == pytest.approx([0.8 * np.expm1(0.04), 1.2 * np.expm1(0.04)])
+    assert (response - signal)[[0, -1]] == pytest.approx(
+        [0.8 * np.expm1(0.04), 1.2 * np.expm1(0.04)]
+    )
 
 
 def test_resistance_is_higher_while_straining_and_rises_again_near_rest():
@@ -62,12 +64,14 @@ def test_resistance_is_higher_while_straining_and_rises_again_near_rest():
     assert (falling - np.minimum.accumulate(falling)).max() > 0.005
     held = np.append(times, times[-1] + np.arange(1, 600))
     after, _ = respond(only("hysteresis"), held, np.append(signal, np.zeros(599)))
-    assert after[len(times)] > 0.02 and after[-1] < 0.0
+    assert after[len(times)] > 0.02
+    assert after[-1] < 0.0
 
 
 def test_large_signals_have_relatively_less_memory():
     shares = [loop_share(a) for a in (0.05, 0.1, 0.2)]
-    assert shares[0] > 1.3 * shares[1] and shares[1] > 1.3 * shares[2] > 0
+    assert shares[0] > 1.3 * shares[1]
+    assert shares[1] > 1.3 * shares[2] > 0
     assert loop_share(0.02) == pytest.approx(shares[0], rel=0.1)
 
 
