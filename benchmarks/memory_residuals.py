@@ -1,7 +1,7 @@
 """Measure what the memory of simulated cords leaves after training, as a share of their signals.
 
-    python -m benchmarks.memory_residuals                  # print the rows of both families
-    python -m benchmarks.memory_residuals --pieces 20 --minutes 10 --write
+    python -m benchmarks.memory_residuals                  # print the rows of all families
+    python -m benchmarks.memory_residuals --pieces 20 --minutes 10 --families network --write
 
 A draw is a device of one to four cords. As many poses stretch its cords, by random amounts, while a
 hand walks through the poses as in the twin's sessions. A decoder is trained on the cords' readings
@@ -9,15 +9,14 @@ to decode their ideal signals, and is tested on the last 30 %. The error of the 
 the noise of the readings, is divided by the largest signal of each cord.
 It contains hysteresis, relaxation, softening, and the drift and the temperature of the session.
 
-`--write` replaces the simulated rows of `data/memory_residuals.csv`: quantiles over the pieces of
-cord, of the decoder that `train` chooses and of the paper's affine one.
+`--write` replaces the rows of these families in `data/memory_residuals.csv`: quantiles over the
+pieces of cord, of the decoder that `train` chooses and of the paper's affine one.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -25,7 +24,7 @@ import numpy as np
 
 from defsense_fab.core.arrays import Float
 from defsense_fab.decoding.quantities import Targets
-from defsense_fab.sensing.memory_residual import AFFINE, TRAINED
+from defsense_fab.sensing.memory_residual import AFFINE, TRACES, TRAINED
 from defsense_fab.training.data.dataset import Dataset, Recording
 from defsense_fab.training.fitting.train_model import train
 from defsense_fab.training.options import TrainOptions
@@ -35,13 +34,16 @@ from defsense_fab.twin.electronics.rubber_cords import (
     RubberState,
     RubberTraits,
 )
-from defsense_fab.twin.options import CordFamilyName
+from defsense_fab.twin.options import DEFAULT_TRACES, CordFamilyName
 from defsense_fab.twin.scenes.hand_walk import plan_walk
 
 TABLE = Path(__file__).parents[1] / "defsense_fab" / "data" / "memory_residuals.csv"
 RATE_HZ = 15.0
 LARGEST_RANGE = (0.04, 0.2)  # of the signals of devices in fixtures and examples
 NOMINAL_OHM = 1500.0
+#: What has only one of the families, as the column `cord` names it; cords have any of the others.
+CORD_OF_FAMILY = {DEFAULT_TRACES: TRACES}
+TRACE_NOISE = 0.003  # data/traces.csv
 REST_S = 5.0
 QUANTILES = (0.05, 0.5, 0.95)
 MAX_CORDS = 4
@@ -60,7 +62,8 @@ def residuals(family: CordFamilyName, seed: int, minutes: float) -> dict[str, Fl
     """Return the residual shares (c,) of the cords of a drawn device, by kind of decoder."""
     rng = np.random.default_rng([seed, 54])
     cords = 1 + seed % MAX_CORDS
-    traits = replace(RubberTraits(CORD_FAMILIES[family]()), contact=0.0)
+    noise = TRACE_NOISE if family in CORD_OF_FAMILY else RubberTraits.noise
+    traits = RubberTraits(CORD_FAMILIES[family](), contact=0.0, noise=noise)
     time = np.arange(0.0, 60 * minutes, 1 / RATE_HZ)
     names = [f"pose{k}" for k in range(cords)]
     levels = plan_walk(names, np.ones((cords, cords), bool), float(time[-1]), rng)(time)
@@ -116,7 +119,18 @@ def measure_rows(
             f" of random movement of the twin's cords `{family}`"
         )
         name = f"{family}-{count}-{kind}"
-        rows.append([name, family, "any", count, kind, "simulated", *quantiles, source])
+        rows.append(
+            [
+                name,
+                family,
+                CORD_OF_FAMILY.get(family, "any"),
+                count,
+                kind,
+                "simulated",
+                *quantiles,
+                source,
+            ]
+        )
         print(*rows[-1][:-1], flush=True)
     return rows
 
@@ -127,18 +141,21 @@ def main() -> None:
     )
     parser.add_argument("--pieces", type=int, default=20)
     parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--families", nargs="+", default=list(get_args(CordFamilyName)))
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     rows = []
-    for family in get_args(CordFamilyName):
+    for family in options.families:
         for count, seeds in SEEDS.items():
             rows += measure_rows(family, count, seeds, options)
     if options.write:
         with TABLE.open(newline="", encoding="utf-8") as file:
             header, *present = csv.reader(file)
-        measured = [row for row in present if row[header.index("basis")] != "simulated"]
+        names = {row[0] for row in rows}
+        rows = [row for row in present if row[0] not in names] + rows
+        rows.sort(key=lambda row: row[header.index("basis")] == "measured")
         with TABLE.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file, lineterminator="\n").writerows([header, *rows, *measured])
+            csv.writer(file, lineterminator="\n").writerows([header, *rows])
 
 
 if __name__ == "__main__":

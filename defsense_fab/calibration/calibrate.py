@@ -209,20 +209,21 @@ def _slope_notices(
     """Return doubts about the slope and the shape of the response."""
     out = []
     low, high = uncertainty.interval
-    if k_res < 0:
+    strain = np.linspace(data.strain.min(), data.strain.max(), 200)
+    falls = np.diff(fit.model.predict(fit.theta, strain)) * np.sign(k_res) < 0
+    if high < 0:
         text = (
-            f"resistances decrease where the cord is stretched (k_res = {k_res:.2f}): check whether"
-            " top and bottom were exchanged; the bottom cord is next to the jig"
+            f"resistances decrease where the cord is stretched (k_res = {k_res:.2f}), as those of"
+            " some conductive filaments do. Of other cords, check whether top and bottom were"
+            " exchanged; the bottom cord is next to the jig"
         )
         out.append(Notice("resistance-falls", text))
-    elif low < _MIN_K_RES:
+    elif low < _MIN_K_RES and not falls.any():
         text = (
             f"k_res = {k_res:.2f} is not significantly different from zero: check the cord's"
             " connection"
         )
         out.append(Notice("response-insignificant", text))
-    strain = np.linspace(data.strain.min(), data.strain.max(), 200)
-    falls = np.diff(fit.model.predict(fit.theta, strain)) * np.sign(k_res) < 0
     if falls.any():
         turn = float(np.abs(strain[:-1][falls]).min())
         text = (
@@ -230,7 +231,7 @@ def _slope_notices(
             ' resistance belongs to two strains; the models "line" and "piecewise" are monotone'
         )
         out.append(Notice("response-not-monotone", text))
-    if high - low > 2 * _WIDE_INTERVAL * abs(k_res):
+    if high - low > 2 * _WIDE_INTERVAL * max(abs(k_res), fit.model.steepness(fit.theta, strain)):
         text = (
             f"k_res is only known to be between {low:.2f} and {high:.2f}: measure more rounds or"
             " more specimens"

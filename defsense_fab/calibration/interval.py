@@ -25,7 +25,7 @@ from .response_fit import FitData, ResponseFit, fit_gains, fit_model
 LEVEL = 0.95
 DRAWS = 300
 _BOOTSTRAP_STEPS = 6  # of each fit, which starts from the fit to all readings
-_MIN_K_RES = 1e-3  # below which the cord is not a sensor
+_MIN_STEEPNESS = 1e-3  # below which the cord is not a sensor
 _ASSUMED_SPREAD_PIECES = 4  # number of pieces that the assumed spread counts for
 #: From this number of specimens, only their own spread counts.
 _MANY_SPECIMENS = 6
@@ -38,10 +38,11 @@ class Uncertainty:
 
     Attributes:
         interval: Its 95 % interval.
-        within: Relative half width that comes from the readings.
-        pieces: Relative half width that comes from the spread of the pieces.
-        assumed: Relative half width that comes from the assumed spread.
-        model: Relative half width that comes from the choice of the model.
+        within: Half width that comes from the readings, relative to the slope, or to the response's
+            steepness where that is larger.
+        pieces: Half width that comes from the spread of the pieces, relative to the slope.
+        assumed: Half width that comes from the assumed spread, relative to the slope.
+        model: Half width that comes from the choice of the model, relative as `within`.
         errors: Standard errors of the model's coefficients (size,), by the bootstrap.
     """
 
@@ -82,10 +83,12 @@ def estimate_uncertainty(
         CalibrationError: The cords do not respond to strain.
     """
     slope = fit.model.slope_at_rest(fit.theta)
-    _require_response(slope)
+    steepness = fit.model.steepness(fit.theta, data.strain)
+    _require_response(steepness)
+    unit = max(abs(slope), steepness)
     thetas = _bootstrap(data, fit, [specimen for specimen, _ in names], turn, spread, rng, draws)
     slopes = np.array([fit.model.slope_at_rest(theta) for theta in thetas])
-    within = _NORMAL_QUANTILE * float(slopes.std(ddof=1)) / abs(slope)
+    within = _NORMAL_QUANTILE * float(slopes.std(ddof=1)) / unit
     gains = fit_gains(data, fit)
     measured = [p for p in range(len(names)) if np.isfinite(gains[p])]
     # A piece that was measured in several sessions is still one piece.
@@ -102,23 +105,24 @@ def estimate_uncertainty(
     between = _pooled_half_width(pieces, spread if assumed else 0.0)
     if len(specimens) > 2:
         between = max(between, _student_half_width(specimens))
-    differences = [f.model.slope_at_rest(f.theta) / slope - 1 for f in others]
+    differences = [(f.model.slope_at_rest(f.theta) - slope) / unit for f in others]
     choice = 0.0
     if differences:
         choice = _NORMAL_QUANTILE * float(np.sqrt(np.mean(np.square(differences))))
-    half = float(np.hypot(max(between, float(np.hypot(assumed, within))), choice)) * abs(slope)
+    readings = float(np.hypot(assumed * abs(slope), within * unit))
+    half = float(np.hypot(max(between * abs(slope), readings), choice * unit))
     errors = np.std(thetas, axis=0, ddof=1)
     return Uncertainty((slope - half, slope + half), within, between, assumed, choice, errors)
 
 
-def _require_response(slope: float) -> None:
-    if abs(slope) < _MIN_K_RES:
+def _require_response(steepness: float) -> None:
+    if steepness < _MIN_STEEPNESS:
         raise CalibrationError(
-            f"the cords do not respond to strain (k_res = {slope:.4f})",
+            f"the cords do not respond to strain (a change of {steepness:.4f} times the strain)",
             code="no-strain-response",
             where="readings",
             action="Check that the cords are piezoresistive and the channels in the right order",
-            k_res=slope,
+            steepness=steepness,
         )
 
 

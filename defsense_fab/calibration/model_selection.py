@@ -58,7 +58,9 @@ def compare_models(data: FitData, radius: Float, spread: float) -> dict[str, Mod
         The trials by the models' names.
     """
     radii = np.unique(radius[~np.isnan(radius)])
-    models = {name: build_model(name, data.strain) for name in MODEL_ORDER}
+    line = fit_model(data, build_model("line", data.strain), spread)
+    is_falling = bool(line.theta[0] < 0)
+    models = {name: build_model(name, data.strain, is_falling) for name in MODEL_ORDER}
     models = {n: m for n, m in models.items() if m.size <= len(radii) - 1}
     fits = {n: fit_model(data, m, spread) for n, m in models.items()}
     best = min(fits.values(), key=lambda f: f.noise)

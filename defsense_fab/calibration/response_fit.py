@@ -43,16 +43,22 @@ class ResponseModel:
     Attributes:
         name: Name of the model.
         knots: Strains (k,), 0 included, of the piecewise model. Its theta are the rises between
-            them, which must not be negative.
+            them, or the falls, which must not be negative.
+        is_falling: Whether the piecewise model falls.
     """
 
     name: str
     knots: Float
+    is_falling: bool = False
 
     @property
     def is_monotone(self) -> bool:
         """Whether the coefficients must not be negative."""
         return self.name == "piecewise"
+
+    @property
+    def _sign(self) -> float:
+        return -1.0 if self.is_falling else 1.0
 
     @property
     def size(self) -> int:
@@ -68,7 +74,7 @@ class ResponseModel:
             return np.stack([e**power for power in range(1, self.size + 1)], axis=1)
         low, high = self.knots[:-1], self.knots[1:]
         shares = np.clip((e[:, None] - low) / (high - low), 0, 1)
-        return np.asarray(shares - np.clip(-low / (high - low), 0, 1))
+        return self._sign * np.asarray(shares - np.clip(-low / (high - low), 0, 1))
 
     def spec(self, theta: Float, strain_range: tuple[float, float]) -> ResponseSpec:
         """Return the record of a response.
@@ -78,7 +84,7 @@ class ResponseModel:
             strain_range: Lowest and highest measured strain.
         """
         if self.name == "piecewise":
-            changes = np.concatenate([[0.0], np.cumsum(theta)])
+            changes = self._sign * np.concatenate([[0.0], np.cumsum(theta)])
             rest = int(np.flatnonzero(self.knots == 0)[0])
             values: dict[str, object] = {
                 "strains": self.knots.tolist(),
@@ -98,6 +104,14 @@ class ResponseModel:
         ends = float(self.knots[0]), float(self.knots[-1])
         return np.asarray(build_response(self.spec(theta, ends))(strain))
 
+    def steepness(self, theta: Float, strain: Float) -> float:
+        """Return the root mean square of w over that of the strains (n,).
+
+        It is the slope of a line, and also tells of a response with no slope at rest.
+        """
+        rms = np.sqrt(np.mean(np.square([self.predict(theta, strain), strain]), axis=1))
+        return float(rms[0] / rms[1])
+
     def slope_at_rest(self, theta: Float) -> float:
         """Return dw/deps at zero strain; for two slopes, their mean."""
         if self.name == "two-slopes":
@@ -108,9 +122,11 @@ class ResponseModel:
         return float(theta[0])
 
 
-def build_model(name: str, strain: Float) -> ResponseModel:
-    """Return the model of a name for data at strains (n,)."""
-    return ResponseModel(name, _choose_knots(strain) if name == "piecewise" else np.zeros(0))
+def build_model(name: str, strain: Float, is_falling: bool = False) -> ResponseModel:
+    """Return the model of a name for data at strains (n,), whose changes rise or fall with them."""
+    if name != "piecewise":
+        return ResponseModel(name, np.zeros(0))
+    return ResponseModel(name, _choose_knots(strain), is_falling)
 
 
 def _choose_knots(strain: Float) -> Float:

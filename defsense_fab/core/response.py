@@ -125,11 +125,12 @@ class ResponseSpec:
                 "lists-differ",
                 f"Give as many strains as changes, at least {_MIN_KNOTS}",
             )
-        if not (np.diff(strains) > 0).all() or not (np.diff(changes) >= 0).all():
+        rises = np.diff(changes)
+        if not (np.diff(strains) > 0).all() or not ((rises >= 0).all() or (rises <= 0).all()):
             self._fail(
-                "strains do not increase, or changes decrease",
+                "strains do not increase, or changes both increase and decrease",
                 "not-monotone",
-                "Sort the points by strain and remove those whose change is lower",
+                "Sort the points by strain, or use the model cubic for a response that turns",
             )
         rest = np.flatnonzero(strains == 0)
         if len(rest) != 1 or changes[rest[0]] != 0:

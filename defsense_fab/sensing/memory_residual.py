@@ -24,6 +24,8 @@ _FAMILIES = "cord_families.csv"
 _SIMULATED = "simulated"
 _ONE, _SEVERAL = "one", "several"
 _ANY_CORD = "any"
+#: Cord of the rows of printed traces; `data/cord_families.csv` names the filaments of their family.
+TRACES = "trace"
 _SCORE_90 = 1.645  # standard deviations of a normal distribution at its 5 % and 95 % quantiles
 
 
@@ -66,7 +68,8 @@ def memory_residuals(cord: str, decoder: str, count: int) -> tuple[MemoryResidua
     Several cords in one device know more of each other's memory than a single cord does.
 
     Args:
-        cord: Name of the cord, a row of `data/cords.csv`; others have the rows of any cord.
+        cord: Name of the cord or of the filament of printed traces. Filaments of a known family
+            have its residuals too; the others have those of any cord.
         decoder: TRAINED or AFFINE.
         count: Number of cords of the device.
 
@@ -81,7 +84,12 @@ def memory_residuals(cord: str, decoder: str, count: int) -> tuple[MemoryResidua
         and row["cords"] == (_ONE if count == 1 else _SEVERAL)
     ]
     of_cord = [row for row in rows if row["cord"] == cord]
-    chosen = of_cord or [row for row in rows if row["cord"] == _ANY_CORD]
+    family = known_family(cord)
+    chosen = of_cord or [
+        row
+        for row in rows
+        if row["cord"] == _ANY_CORD or (row["cord"] == TRACES and row["family"] == family)
+    ]
     return tuple(
         MemoryResidual(row["family"], float(row["low"]), float(row["median"]), float(row["high"]))
         for row in chosen

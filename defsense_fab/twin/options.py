@@ -8,6 +8,7 @@ from typing import Annotated, Literal, get_args
 
 from msgspec import Meta
 
+from ..core.device.device import Device
 from ..core.errors import CaptureError, DefsenseError, DeviceError
 from ..core.schema.options import check_options
 
@@ -16,7 +17,10 @@ TWIN = "twin"
 #: Kinds of simulated cameras; `camera_kinds` has their properties.
 CameraKindName = Literal["webcam", "phone", "industrial"]
 #: Families of the cords' memory; `rubber_cords` has their properties.
-CordFamilyName = Literal["viscoelastic", "hysteretic"]
+CordFamilyName = Literal["viscoelastic", "hysteretic", "network"]
+#: Families of the memory of cords and of printed traces that sessions have by default.
+DEFAULT_CORDS: CordFamilyName = "viscoelastic"
+DEFAULT_TRACES: CordFamilyName = "network"
 _Seed = Annotated[int, Meta(ge=0, le=1_000_000_000)]
 
 
@@ -29,8 +33,9 @@ class TwinOptions:
         sessions: Set the number of sessions of the same unit, one day apart.
         seed: Set the random seed of the hand's path.
         unit: Choose the built unit, with its tolerances and pieces of cord.
-        cords: Choose the family of the cords' memory: viscoelastic (assumed), or hysteretic (fitted
-            to recordings of real sensors).
+        cords: Choose the family of the cords' memory: viscoelastic (assumed), hysteretic (fitted
+            to recordings of knitted sensors), or network (fitted to readings of printed TPU
+            sensors) (default: viscoelastic for cords, network for printed traces).
         off: Turn these traits off.
         wrong: Set the share of wrong marker positions (default: 0).
         grips: Set the number of places that are pulled in addition to the poses.
@@ -49,7 +54,7 @@ class TwinOptions:
     sessions: Annotated[int, Meta(ge=1, le=100)] = 1
     seed: _Seed = 1
     unit: _Seed = 1
-    cords: CordFamilyName = "viscoelastic"
+    cords: CordFamilyName | None = None
     off: tuple[str, ...] = ()
     wrong: Annotated[float, Meta(ge=0, le=0.5)] | None = None
     grips: Annotated[int, Meta(ge=0, le=4)] = 0
@@ -59,6 +64,11 @@ class TwinOptions:
 
     def __post_init__(self) -> None:
         check_options(self, CaptureError)
+
+    def family(self, device: Device) -> CordFamilyName:
+        """Return the family of the memory of a device's cords or printed traces."""
+        default = DEFAULT_CORDS if device.cord.trace is None else DEFAULT_TRACES
+        return self.cords or default
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,17 @@ CUBIC = (lambda e: 2 * e + 4 * e * e - 100 * e**3, "cubic")
 STEP = (lambda e: 0.12 * np.tanh(2.5 * e / 0.1) + 0.02 * np.sin(90 * e), "piecewise")
 
 
+def test_piecewise_response_may_fall():
+    falling = calibrate(
+        make_readings(lambda e: -STEP[0](e), noise=0.0005, rounds=3),
+        FitOptions(model="piecewise"), draws=3,
+    )  # fmt: skip
+    e = np.linspace(-0.066, 0.066, 21)
+    expected = [-STEP[0](x) for x in e]
+    assert build_response(falling.response)(e) == pytest.approx(expected, abs=0.015)
+    assert falling.k_res < 0
+
+
 def test_strains_equal_those_of_the_paper():
     """METHOD: 6.7 % at 75 mm and 2.1 % at 250 mm, thickness 15, offset 2."""
     g = Geometry(15, 2)

@@ -69,9 +69,9 @@ def test_simulated_cord_lags_and_heals():
     assert ohm[-1, 0] / rest - 1 == pytest.approx(0.003, abs=2e-4)
 
 
-def calibrate_twins(tmp_path, seed, k=2.0, q=0.0, **traits):
+def calibrate_twins(tmp_path, seed, k=2.0, q=0.0, spec=None, **traits):
     """Calibrate on simulated specimens of two lengths."""
-    spec = ResponseSpec("quadratic", {"k": k, "q": q}, (-0.1, 0.1))
+    spec = spec or ResponseSpec("quadratic", {"k": k, "q": q}, (-0.1, 0.1))
     parts = []
     for n, length in enumerate((150.0, 200.0)):
         folder = tmp_path / f"{seed}-{length:g}"
@@ -79,6 +79,31 @@ def calibrate_twins(tmp_path, seed, k=2.0, q=0.0, **traits):
         record_twin(folder, CordTraits(build_response(spec), **traits), options, specimen)
         parts.append(read_session(folder).readings)
     return calibrate(join_readings(parts), draws=60)
+
+
+@pytest.mark.parametrize(
+    ("name", "coefficients", "codes"),
+    [
+        ("line", {"k": -1.5}, {"resistance-falls"}),
+        ("quadratic", {"k": 0.0, "q": 25.0}, {"response-not-monotone"}),
+        ("quadratic", {"k": 0.4, "q": -25.0}, {"response-not-monotone"}),
+        ("cubic", {"k": 1.0, "q": 10.0, "c": 150.0}, set()),
+        ("cubic", {"k": -1.0, "q": -10.0, "c": -150.0}, {"resistance-falls"}),
+    ],
+)
+def test_responses_of_filaments_are_found_despite_their_memory(tmp_path, name, coefficients, codes):
+    """Resistances that fall, turn or bend, with loops of 10 % of the range, and relaxation."""
+    true = ResponseSpec(name, coefficients, (-0.1, 0.1))
+    strain = np.linspace(-0.066, 0.066, 41)
+    expected = build_response(true)(strain)
+    play = 0.05 * np.ptp(expected)
+    result = calibrate_twins(
+        tmp_path, 1, spec=true, play=play, healing=0.3, noise=0.003, spread=0.03
+    )
+    assert result.response.model == name
+    error = build_response(result.response)(strain) - expected
+    assert np.sqrt(np.mean(error**2)) < 0.08 * np.ptp(expected)
+    assert {w.code for w in result.warnings} == codes
 
 
 @pytest.mark.slow

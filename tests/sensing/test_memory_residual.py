@@ -6,6 +6,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from defsense_fab.core.device.filaments import read_filaments
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.sensing.memory_residual import (
     AFFINE,
@@ -25,6 +26,13 @@ def test_each_cord_has_residuals_of_both_families(cord, count):
         assert families == ["viscoelastic", "hysteretic"]
 
 
+@pytest.mark.parametrize("filament", sorted(read_filaments()))
+def test_printed_traces_also_have_residuals_of_their_network(filament):
+    families = [r.family for r in memory_residuals(filament, TRAINED, 3)]
+    assert families == ["viscoelastic", "hysteretic", "network"]
+    assert known_family(filament) == "network"
+
+
 @pytest.mark.parametrize("cord", [*read_rows("cord_families.csv"), "custom"])
 def test_a_cord_of_known_memory_has_residuals_of_it_alone(cord):
     families = [r.family for r in expected_residuals(cord, TRAINED, 2)]
@@ -36,7 +44,7 @@ def test_cords_of_the_table_are_bound_to_families_with_a_source():
     rows = read_rows("cord_families.csv")
     assert set(read_rows("cords.csv")) <= set(rows)
     for row in rows.values():
-        assert row["family"] in ("", "viscoelastic", "hysteretic")
+        assert row["family"] in ("", "viscoelastic", "hysteretic", "network")
         assert bool(row["family"]) == (row["basis"] != "unknown")
         assert row["source"]
 

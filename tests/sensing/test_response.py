@@ -194,7 +194,7 @@ def test_signal_is_the_mean_response():
         ("line", {"k": float("nan")}, "not-finite"),
         ("quadratic", {"k": 1.0, "q": [1.0]}, "not-finite"),
         ("piecewise", {"strains": [0, 0], "changes": [0, 1]}, "not-monotone"),
-        ("piecewise", {"strains": [0, 1], "changes": [0, -1]}, "not-monotone"),
+        ("piecewise", {"strains": [-1, 0, 1], "changes": [1, 0, 1]}, "not-monotone"),
         ("piecewise", {"strains": [0.1, 1], "changes": [0, 1]}, "rest-not-zero"),
         ("piecewise", {"strains": [0, 1], "changes": [0, 1, 2]}, "lists-differ"),
     ],

@@ -1,11 +1,13 @@
-"""A session next to twins of both families of cords."""
+"""A session next to twins of the families of memories that its device can have."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.device.filaments import TraceSpec
 from defsense_fab.report.evaluation.data_files import _plain
 from defsense_fab.training.data.dataset import Dataset, Recording
 from defsense_fab.twin.electronics.rubber_cords import (
@@ -16,6 +18,9 @@ from defsense_fab.twin.electronics.rubber_cords import (
 )
 from defsense_fab.workflow.train.twin_likeness import compare_with_twins
 from tests.support.places import BAR
+
+#: Families of the memory of cords.
+CORDS = ["viscoelastic", "hysteretic"]
 
 
 def make_session(family, seconds=120.0, unit=True):
@@ -41,20 +46,29 @@ def device():
     return load_device(BAR)
 
 
-@pytest.mark.parametrize("family", list(CORD_FAMILIES))
+@pytest.mark.parametrize("family", CORDS)
 def test_session_of_a_family_is_like_its_own_twins(device, family):
     likeness = compare_with_twins(make_session(family), device)
-    assert set(likeness.twins) == set(CORD_FAMILIES)
+    assert set(likeness.twins) == set(CORDS)
 
     def distance(name):
         low, high = (r.hysteresis for r in likeness.twins[name])
         middle = np.sqrt(low * high)
         return abs(np.log(likeness.session.hysteresis / middle))
 
-    assert min(CORD_FAMILIES, key=distance) == family
+    assert min(CORDS, key=distance) == family
     again = compare_with_twins(make_session(family), device)
     assert again == likeness
     json.dumps(_plain(likeness.to_json()), allow_nan=False)
+
+
+def test_printed_traces_are_also_compared_with_their_network(device):
+    trace = TraceSpec("eel", 1.2, 0.8, 120.0, 2.0, 3.0, 80.0, 0.15)
+    printed = replace(device, cord=replace(device.cord, trace=trace))
+    likeness = compare_with_twins(make_session("network"), printed)
+    assert set(likeness.twins) == set(CORD_FAMILIES)
+    low, high = (r.hysteresis for r in likeness.twins["network"])
+    assert low < likeness.session.hysteresis < 1.5 * high
 
 
 def test_session_without_a_device_has_its_own_numbers_only():

@@ -13,7 +13,7 @@ from ...workflow.sessions.known_sessions import KnownSession, known_sessions
 from ...workflow.sessions.twin_sessions import session_folder
 from ...workflow.train.options import TwinOptions
 from ...workflow.train.training import MODEL
-from ..workbench.controls import add_option
+from ..workbench.controls import DEFAULT_CHOICE, add_option
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.page_texts import StatusText, bullet_list
 from ..workbench.workbench import Workbench
@@ -146,9 +146,8 @@ class TrainingPart:
                 f"`{out.name}` exists already. Choose another seed or unit.", "file-exists"
             )
             return
-        options = TwinOptions(
-            minutes=float(self._minutes.value), unit=unit, seed=seed, cords=self._cords.value
-        )
+        cords = None if self._cords.value == DEFAULT_CHOICE else self._cords.value
+        options = TwinOptions(minutes=float(self._minutes.value), unit=unit, seed=seed, cords=cords)
         task = partial(jobs.record_twin, device.source, options)
         self._start_job(task, self._recording_text)
 

@@ -75,6 +75,10 @@ def field_hint(declared: Field, unset: tuple[float, str] | None = None) -> str:
     return " ".join(parts)
 
 
+#: Choice that stands for the default of an option that depends on the device.
+DEFAULT_CHOICE = "default"
+
+
 def add_option(
     gui: Any, record: type, name: str, label: str, step: float, value: float | None = None
 ) -> Any:
@@ -91,7 +95,9 @@ def add_option(
     option = options_of(record)[name]
     hint = option.description.rstrip(".")
     if option.choices:
-        return gui.add_dropdown(label, option.choices, initial_value=option.default, hint=hint)
+        choices = option.choices if option.default else (DEFAULT_CHOICE, *option.choices)
+        initial = option.default or DEFAULT_CHOICE
+        return gui.add_dropdown(label, choices, initial_value=initial, hint=hint)
     shown = option.default if value is None else value
     return gui.add_number(label, shown, min=option.low, max=option.high, step=step, hint=hint)
 

@@ -40,7 +40,11 @@ class BuildingTraits:
         _SOURCE,
     )
     gauge: float = assume(
-        _DEFAULT.gauge, "spread", "1", "gauge factors of pieces, standard deviation", _SOURCE
+        _DEFAULT.gauge,
+        "spread",
+        "1",
+        "gauge factors of pieces, standard deviation",
+        f"{_SOURCE}; for printed traces data/traces.csv",
     )
     ends: float = assume(
         _DEFAULT.ends,

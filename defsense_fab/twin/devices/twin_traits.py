@@ -99,7 +99,9 @@ class TwinTraits:
 
     @classmethod
     def for_device(cls, device: Device, options: TwinOptions | None = None) -> TwinTraits:
-        """Return the traits with the noise and the joints of the device's cord or traces.
+        """Return the traits with the noise and the joints of the device's cords or printed traces.
+
+        Printed traces also have the filament's differences between prints.
 
         Args:
             device: The device.
@@ -123,7 +125,7 @@ class TwinTraits:
                 )
             cameras = TwinCameras.parse(f"{TWIN}:{options.cameras}")
             film = FilmTraits(cameras.kind, cameras.count, options.rate)
-        memory = CORD_FAMILIES[options.cords]()
+        memory = CORD_FAMILIES[options.family(device)]()
         rubber = RubberTraits(memory, noise=cord.noise, contact=cord.contact)
         building = BuildingTraits()
         if cord.trace is not None:

@@ -1,8 +1,9 @@
-"""Pieces of cord of carbon-filled rubber, with one of two families of memories.
+"""Pieces of cord of carbon-filled rubber, and printed traces, with one of the families of memories.
 
-`HystereticMemory` is fitted to recordings (see its module). `MemoryTraits`, the default, has
-assumed numbers. It is nonlinear, but made of relaxing elements, as the decoders assume. Its
-response to the ideal signal s = (R - R0)/R0 without memory is
+`HystereticMemory` and `ContactNetwork`, the default of printed traces, are fitted to published
+recordings (see their modules). `MemoryTraits`, the default of cords, has assumed numbers. It is
+nonlinear, but made of relaxing elements, as the decoders assume. Its response to the ideal signal
+s = (R - R0)/R0 without memory is
 
     a = gain (s (1 + mu phi(s/m)) + c z + y_1 + y_2 + y_3).
 
@@ -33,6 +34,7 @@ from ...core.arrays import Float
 from ...core.machine.compiled import compiled
 from ..options import CordFamilyName
 from ..scenes.assumptions import assume
+from .contact_network import ContactNetwork
 from .hysteretic_memory import HystereticMemory, filter_noise
 
 _DATA_SHEET = (
@@ -45,7 +47,7 @@ _LITERATURE = (
     "assumed; published: near 0 (grafted black, J. Soc. Mater. Sci. Japan 25, 1005, 1976) to 0.07/K"
     " (styrene-butadiene with 50 phr of HAF black)"
 )
-_CORD_TABLE = "data/cords.csv"
+_CORD_TABLE = "data/cords.csv, for printed traces data/traces.csv"
 WARMING_HALF_TIME_S = 1200  # 20 min
 BREEZE_PERIODS_S = (300, 1200)  # range of the periods of slow temperature changes
 
@@ -160,10 +162,13 @@ class MemoryTraits:
         return 0.0
 
 
+#: A memory of cords or printed traces.
+Memory = MemoryTraits | HystereticMemory | ContactNetwork
 #: The families of memories by their names.
-CORD_FAMILIES: dict[CordFamilyName, Callable[[], MemoryTraits | HystereticMemory]] = {
+CORD_FAMILIES: dict[CordFamilyName, Callable[[], Memory]] = {
     "viscoelastic": MemoryTraits,
     "hysteretic": HystereticMemory,
+    "network": ContactNetwork,
 }
 assert set(CORD_FAMILIES) == set(get_args(CordFamilyName))
 
@@ -178,7 +183,7 @@ class RubberTraits:
         memory: Relaxation, hysteresis and softening, of one of the families.
     """
 
-    memory: MemoryTraits | HystereticMemory = field(default_factory=MemoryTraits)
+    memory: Memory = field(default_factory=MemoryTraits)
     drift_walk: float = assume(
         0.004, "drift", "1/sqrt(h)", "random walk of R0, standard deviation", _USERS
     )
@@ -199,7 +204,7 @@ class RubberTraits:
         "spread",
         "1",
         "R0 of pieces of one length, standard deviation",
-        "sellers: 130-160 ohm/cm, batches differ",
+        "sellers: 130-160 ohm/cm, batches differ; for printed traces data/traces.csv",
     )
     jitter_time: float = assume(
         0.3, "contact", "s", "time constant of the joints' resistances", off=1.0

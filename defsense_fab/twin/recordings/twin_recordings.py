@@ -205,7 +205,7 @@ def _provenance(device: Device, options: TwinOptions, fields: DeviceFields) -> d
         "twin": True,
         "seed": options.seed,
         "unit": options.unit,
-        "cords": options.cords,
+        "cords": options.family(device),
         "off": sorted(options.off),
         "grips": options.grips,
         "response": _response(device),

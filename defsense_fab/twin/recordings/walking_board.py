@@ -44,7 +44,7 @@ def simulate_walking_board(
     device: Device,
     *,
     unit: int = 1,
-    cords: CordFamilyName = TwinOptions.cords,
+    cords: CordFamilyName | None = TwinOptions.cords,
     seed: int = 101,
     seconds: float = 300.0,
     faults: Sequence[CordFault] = (),
@@ -58,7 +58,7 @@ def simulate_walking_board(
     Args:
         device: The device.
         unit: Number of the built device (see `build_unit`).
-        cords: Family of the cords' memory.
+        cords: Family of the cords' memory; None for the default of the device.
         seed: Seed of the hand's motion.
         seconds: Duration of the session, s.
         faults: Faults of cords and plugs.

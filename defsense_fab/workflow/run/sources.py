@@ -134,7 +134,7 @@ def open_twin(live: LiveDevice, port: Port, progress: Progress) -> WalkingBoard 
             action="Give the folder of the built device",
         )
     values, faults = dict(_TWIN_DEFAULTS), []
-    cords: CordFamilyName = TwinOptions.cords
+    cords: CordFamilyName | None = TwinOptions.cords
     for word in filter(None, words.split(",")):
         name, equals, number = word.partition("=")
         if equals and name in values and number.isdecimal():

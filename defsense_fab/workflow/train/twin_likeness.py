@@ -1,4 +1,4 @@
-"""Compare how the cords of a session respond with twins of both families of cords."""
+"""Compare how the cords or traces of a session respond with twins of the families of memories."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from ...twin.electronics.rubber_cords import (
     RubberState,
     RubberTraits,
 )
+from ...twin.options import DEFAULT_TRACES
 
 UNITS = 5  # twins of each family
 LIKENESS_SEED = 17
@@ -51,6 +52,8 @@ def compare_with_twins(dataset: Dataset, device: Device | None = None) -> TwinLi
         has_ohms = any((r.rest != 1).any() for r in dataset.recordings)
         contact = device.cord.contact if has_ohms else 0.0
         for name, family in CORD_FAMILIES.items():
+            if name == DEFAULT_TRACES and device.cord.trace is None:
+                continue
             traits = RubberTraits(family(), noise=device.cord.noise, contact=contact)
             units = [_simulate(dataset, ideal, traits, k) for k in range(UNITS)]
             ideals = [ideal_signals(unit, terms) for unit in units]
