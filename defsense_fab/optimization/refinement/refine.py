@@ -37,6 +37,7 @@ _MOVED_LIFTS = 2  # copies of a planar layout that start in space from other pla
 _EXCHANGES = 6  # pools of candidates that replace a cord of the best layout in space
 _EXCHANGE_TRIES = 4  # exchanges tried from each pool
 _FINISH_ROUNDS = 3  # descents in a row that finish a layout, at most
+_MORE_ROUNDS = 3  # for one in space that breaks a limit, where ends move more freely
 _SHORT_TOLERANCE, _FINISH_TOLERANCE = 1e-3, 2e-4  # smallest relative gain per iteration
 _CONVERGENCE_RTOL = 2e-3  # relative gain of a descent below which a layout is finished
 
@@ -363,7 +364,8 @@ def _finish(
     Inlets shift as planes tilt, and only a new descent measures them again.
     """
     error, margin_use = layout_error(problem, layout), MAX_MARGIN_USE_MM
-    for _ in range(_FINISH_ROUNDS):
+    is_spatial = not all(s.curve.is_planar for s in layout)
+    for n in range(_FINISH_ROUNDS + _MORE_ROUNDS * is_spatial):
         layout = descend(
             problem,
             layout,
@@ -376,7 +378,8 @@ def _finish(
         )
         before, error = error, layout_error(problem, layout)
         is_refused = best.offer(layout)
-        if abs(before - error) < _CONVERGENCE_RTOL * error and not is_refused:
+        is_last = n >= _FINISH_ROUNDS - 1 or abs(before - error) < _CONVERGENCE_RTOL * error
+        if is_last and not is_refused:
             break
         if is_refused:  # perhaps because of the margin that was used up
             margin_use = 0.0
