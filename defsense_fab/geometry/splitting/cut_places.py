@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.device.regions import Shape, hull_points
 from ...core.mesh import Surface
 from ..parts.records import Part, PartSet
 from ..printing.print_bed import fits_bed, lay_flat
@@ -15,16 +18,20 @@ HEIGHT_STEP_MM = 1.0  # between compared heights
 CLEARANCE_MM = 2.0  # from pins, ends of cords and numbers
 
 
-def rank_cut_heights(part_set: PartSet, index: int, normal: Float, reach: float) -> Float:
+def rank_cut_heights(
+    part_set: PartSet, index: int, normal: Float, reach: float, kept: Sequence[Shape] = ()
+) -> Float:
     """Return heights at which a piece may be cut off a part, the best first.
 
-    The best height spoils the least, and then gives pieces of about equal length.
+    The best height spoils the least, and then gives pieces of about equal length. None cuts a
+    region that is kept whole.
 
     Args:
         part_set: The parts.
         index: Index of the part.
         normal: Unit normal (3,) of the cut.
         reach: Largest length of a piece, mm.
+        kept: Bounded regions that are kept whole.
 
     Returns:
         Heights (n,) along the normal, mm.
@@ -39,6 +46,10 @@ def rank_cut_heights(part_set: PartSet, index: int, normal: Float, reach: float)
         HEIGHT_STEP_MM,
     )
     candidates = candidates if len(candidates) else np.array([min(ideal, low + reach)])
+    for shape in kept:
+        span = hull_points(shape) @ normal
+        is_below = candidates < span.min() - CLEARANCE_MM
+        candidates = candidates[is_below | (candidates > span.max() + CLEARANCE_MM)]
     room = _clearance(part_set, index, candidates, normal)
     # If every place cuts something, as little of it as possible.
     order = np.lexsort((np.abs(candidates - ideal), -np.minimum(room, 0.0)))

@@ -213,10 +213,14 @@ def _cut_once(
             f"it is {a:.0f} mm wide and {b:.0f} mm {dimension}",
             "cross-section-too-large",
         )
-    for height in rank_cut_heights(part_set, index, normal, max_length):
+    for height in rank_cut_heights(part_set, index, normal, max_length, rules.kept):
         cut = cut_across(part_set, index, normal, float(height), rules)
         if cut is not None:
             return cut
     raise _too_large(
-        part, bed, "there is no room for two dowels in any of its sections", "no-dowel-room"
+        part,
+        bed,
+        "there is no room for two dowels in any of its sections"
+        + (" that keep away from [fabrication] keep_whole" if rules.kept else ""),
+        "no-dowel-room",
     )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from defsense_fab.core.device.regions import Box
 from defsense_fab.core.errors import FabricationError
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.kernels import occ, triangle_kernel
@@ -197,3 +198,19 @@ def test_warnings_describe_the_pieces(part_set):
     unmarked = [w.split()[0] for w in warnings if "has no number engraved" in w]
     assert [n for n in unmarked if n.startswith("1")] == ["1-bottom-a", "1-bottom-b"]
     assert len([n for n in unmarked if n.startswith("2")]) == 1
+
+
+def test_a_region_that_is_kept_whole_is_not_cut(part_set, split):
+    """The best cut is through the middle, where a bolt hole is now."""
+    before = split.cuts[1].plane
+    hole = Box(before.origin - np.array([6, 3, 20]), before.origin + np.array([6, 3, 20]))
+    after = split_long_parts(part_set, BED, replace(RULES, kept=(hole,)))
+    for cut in after.cuts[1:]:
+        assert abs(cut.plane.normal[0]) == pytest.approx(1)
+        assert not hole.low[0] - 2 < cut.plane.origin[0] < hole.high[0] + 2
+
+
+def test_a_part_whose_sections_are_all_kept_whole_is_refused(part_set):
+    whole = Box(np.array([0.0, -3, -15]), np.array([150.0, 3, 15]))
+    with raises(FabricationError, "part-too-large"):
+        split_long_parts(part_set, BED, replace(RULES, kept=(whole,)))
