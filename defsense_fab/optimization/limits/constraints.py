@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,6 +64,8 @@ MAX_INLET_MM = 12.0  # from a path's end to the surface; the signal ignores the 
 MARGIN_MM = 0.1  # added to the limits for what the optimizer's samples miss
 _RADIUS_MARGIN = 1.05  # factor on the radius of curvature, for the same reason
 _GROUP_SAMPLES = 3  # neighboring samples of which only the worst becomes an inequality
+#: How far ends of paths in space move from where the surface was measured, which counts as flat.
+FLAT_REACH_MM = 3.0
 _NO_DISTANCE_MM = 1e3  # in place of an infinite distance
 
 
@@ -181,36 +183,66 @@ class _Inlets:
             row[e] = rows.sum(axis=0)
         return value, row
 
-    def mouth_margins(
-        self, track: FullPath, lengths: Float, by_lengths: Float, limits: Limits
-    ) -> tuple[Float, Float]:
-        """Return how far the exits that exist are inside what is allowed for mouths.
+    def mouths(self, track: FullPath, lengths: Float, by_lengths: Float) -> list[_Mouth]:
+        """Return the points where the channel leaves the body, as far as they exist.
 
         Args:
             track: The path with its runs.
             lengths: Distances (2,) mm of the path's ends from the surface.
             by_lengths: Their derivatives (2, size).
-            limits: The limits.
-
-        Returns:
-            Margins (m,) mm and derivatives (m, size).
         """
-        path, first = track.placed.points, RUN_SAMPLES * (self.runs[0] > 0)
-        values, rows = [], []
+        path, first, out = track.placed.points, RUN_SAMPLES * (self.runs[0] > 0), []
         for e, (end, before) in enumerate(((0, 1), (len(path) - 1, len(path) - 2))):
-            if not np.isfinite(lengths[e]):
-                continue
-            step = path[end] - path[before]
-            long = np.linalg.norm(step)
-            out = step / long
-            for room, gradient in limits.mouth_rooms((path[end] + lengths[e] * out)[None]):
-                slope = gradient[0]
-                turn = lengths[e] / long * (slope - (slope @ out) * out)
-                two, moves = np.zeros((2, by_lengths.shape[1])), np.stack([slope + turn, -turn])
-                track.add_rows(np.array([end, before]) + first, moves, two)
-                values.append(room[0] - MARGIN_MM)
-                rows.append(two.sum(axis=0) + (slope @ out) * by_lengths[e])
-        return np.array(values), np.array(rows).reshape(-1, by_lengths.shape[1])
+            if np.isfinite(lengths[e]):
+                samples = np.array([end, before])
+                mouth = _Mouth.of(track, samples, int(first), lengths[e], by_lengths[e])
+                out.append(replace(mouth, normal=self.normals[e], start=self.exits[e]))
+        return out
+
+
+@dataclass(frozen=True)
+class _Mouth:
+    """A point where a channel leaves the body.
+
+    Attributes:
+        point: (3,) mm.
+        by: Derivatives (3, size) of the point.
+        normal: Unit normal (3,) of the surface, which counts as flat.
+        start: Where the point (3,) was when the surface was measured, mm.
+    """
+
+    point: Float
+    by: Float
+    normal: Float
+    start: Float
+
+    @classmethod
+    def of(
+        cls, track: FullPath, samples: Int, first: int, length: float, by_length: Float
+    ) -> _Mouth:
+        """Extend a path beyond its sample `samples[0]`, away from `samples[1]`.
+
+        Args:
+            track: The path with its runs.
+            samples: Numbers (2,) of the last sample of the path and the one before.
+            first: Number of samples of the run before the path.
+            length: Distance to the surface, mm.
+            by_length: Its derivatives (size,).
+        """
+        end, before = track.placed.points[samples]
+        step = end - before
+        long = float(np.linalg.norm(step))
+        out = step / long
+        turn = length / long * (np.eye(3) - np.outer(out, out))
+        by = np.zeros((6, len(by_length)))
+        moves = np.concatenate([np.eye(3) + turn, -turn])
+        track.add_rows(np.repeat(samples, 3) + first, moves, by)
+        mouth = end + length * out
+        return cls(mouth, by[:3] + by[3:] + np.outer(out, by_length), out, mouth)
+
+    def pad_axis(self, depth: float) -> Float:
+        """Return points (3, 3) from the skin to a depth (mm) below it, which move as the mouth."""
+        return np.asarray(self.point - np.linspace(0, depth, 3)[:, None] * self.normal)
 
 
 class Constraints:
@@ -223,6 +255,7 @@ class Constraints:
         depth: Exact depth below it.
         limits: The limits.
         cords: Parameters of the cords.
+        reach: How far the mouths of paths in space may move, mm.
     """
 
     def __init__(
@@ -231,7 +264,9 @@ class Constraints:
         depth: SignedDistance,
         limits: Limits,
         cords: Sequence[CordParameters],
+        reach: float = FLAT_REACH_MM,
     ) -> None:
+        self._reach = reach
         self._depth, self._limits, self._cords = depth, limits, cords
         sizes = np.cumsum([0, *(c.size for c in cords)])
         self._columns = [slice(a, b) for a, b in itertools.pairwise(sizes)]
@@ -269,7 +304,46 @@ class Constraints:
                     value, row = self._distance(tracks, i, j)
                     values.append(value)
                     rows.append(row)
+        if self._limits.pad[0]:
+            found = self._pad_margins(tracks)
+            values += found[0]
+            rows += found[1]
         return np.concatenate(values), np.concatenate(rows)
+
+    def _pad_margins(self, tracks: Sequence[FullPath]) -> tuple[list[Float], list[Float]]:
+        """Return the margins of the distances of pads from each other and from other strands."""
+        limits, pads = self._limits, list[tuple[int, _Mouth]]()
+        for i, (track, inlets) in enumerate(zip(tracks, self._inlets, strict=True)):
+            mouths = inlets.mouths(track, *inlets.lengths(track, self._cords[i].size))
+            pads += [(i, mouth) for mouth in mouths]
+        values, rows = [], []
+        for (i, one), (j, other) in itertools.combinations(pads, 2):
+            a, b = one.pad_axis(limits.pad[1]), other.pad_axis(limits.pad[1])
+            between = a[:, None] - b
+            distance = np.linalg.norm(between, axis=2)
+            worst = np.unravel_index(distance.argmin(), distance.shape)
+            unit = between[worst] / max(float(distance[worst]), 1e-9)
+            row = np.zeros((1, self._size))
+            row[0, self._columns[i]] += unit @ one.by
+            row[0, self._columns[j]] -= unit @ other.by
+            values.append(distance[worst][None] - limits.pad_to_pad - MARGIN_MM)
+            rows.append(row)
+        for i, pad in pads:
+            for j, track in enumerate(tracks):
+                strand = _other_strand(track.points, pad, i == j, limits)
+                if strand is None:
+                    continue
+                points = track.points[strand]
+                distance, segment, where = nearest_on_polyline(pad.pad_axis(limits.pad[1]), points)
+                p = int(distance.argmin())
+                k, w = np.array([strand.start + segment[p]]), where[p]
+                nearest = (1 - w) * track.points[k] + w * track.points[k + 1]
+                unit = (pad.pad_axis(limits.pad[1])[p] - nearest) / max(float(distance[p]), 1e-9)
+                row = self._rows(tracks, 1, (j, k, (w - 1) * unit), (j, k + 1, -w * unit))
+                row[0, self._columns[i]] += unit[0] @ pad.by
+                values.append(distance[p][None] - limits.pad_to_path - MARGIN_MM)
+                rows.append(row)
+        return values, rows
 
     def _walls(
         self, tracks: Sequence[FullPath], i: int, depth: Float, inward: Float
@@ -298,11 +372,19 @@ class Constraints:
             found = self._kept_margins(tracks, i)
             values += found[0]
             rows += found[1]
-        margins, by_mouth = inlets.mouth_margins(tracks[i], lengths, by, self._limits)
-        wide = np.zeros((len(margins), size))
-        wide[:, self._columns[i]] = by_mouth
-        values.append(margins)
-        rows.append(wide)
+        for mouth in inlets.mouths(tracks[i], lengths, by):
+            for allowed, gradient in self._limits.mouth_rooms(mouth.point[None]):
+                wide = np.zeros((1, size))
+                wide[0, self._columns[i]] = gradient[0] @ mouth.by
+                values.append(allowed - MARGIN_MM)
+                rows.append(wide)
+            if not tracks[i].placed.cord.sensor.curve.is_planar:
+                moved = mouth.point - mouth.start
+                far = float(np.linalg.norm(moved))
+                wide = np.zeros((1, size))
+                wide[0, self._columns[i]] = -moved / max(far, 1e-9) @ mouth.by
+                values.append(np.array([self._reach - far]))
+                rows.append(wide)
         for bound, sign in ((self._limits.shortest, 1), (self._limits.longest, -1)):
             if 0 < bound < np.inf:
                 length, by_length = _length(tracks[i].placed)
@@ -364,6 +446,27 @@ class Constraints:
         return np.where(
             np.isfinite(best), best, _NO_DISTANCE_MM
         ) - self._limits.clearance - MARGIN_MM, row
+
+
+def _other_strand(path: Float, pad: _Mouth, is_own: bool, limits: Limits) -> slice | None:
+    """Return the samples of a path (p, 3) mm that keep away from a pad, or None.
+
+    Of the pad's own path those do that are further along it than a bend away from the pad takes.
+    """
+    if not is_own:
+        return slice(0, len(path))
+    along = arc_lengths(path)
+    free = pad_separation(limits)
+    if np.linalg.norm(path[0] - pad.point) < np.linalg.norm(path[-1] - pad.point):
+        strand = slice(int(np.searchsorted(along, free)), len(path))
+    else:
+        strand = slice(0, int(np.searchsorted(along, along[-1] - free)))
+    return strand if strand.stop - strand.start > 1 else None
+
+
+def pad_separation(limits: Limits) -> float:
+    """Return the length along a path (mm) from its pad, from which it must keep away from it."""
+    return limits.pad[1] + float(np.pi * max(limits.min_radius, limits.pad_to_path / 2))
 
 
 def _length(placed: PlacedCord) -> tuple[float, Float]:

@@ -29,7 +29,7 @@ from ...geometry.channels.channel_ends import MAX_INLET_SLOPE
 from ...geometry.kernels import surface_queries
 from ...geometry.kernels.surface_queries import SignedDistance, signed_distance_of
 from ..problem.problem import Limits
-from .constraints import MAX_INLET_MM
+from .constraints import MAX_INLET_MM, pad_separation
 
 _TOLERANCE_MM = 1e-3
 _SPACING_MM = 0.25  # of samples
@@ -130,8 +130,63 @@ def verify(
                 )
                 violations.append(LimitViolation("cords-too-close", message, names, float(gap[k])))
                 broken.append(dense[i][gap < limits.clearance - _TOLERANCE_MM])
+    if limits.pad[0] and sensors:
+        closeness = _check_pads([s.name for s in sensors], dense, limits, surface, depth)
+        violations += [violation for violation, _ in closeness]
+        broken += [point[None] for _, point in closeness]
     every = np.concatenate(broken) if broken else np.zeros((0, 3))
     return LayoutCheck(cords, closest, tuple(violations), every)
+
+
+def _check_pads(
+    names: Sequence[str],
+    dense: Sequence[Float],
+    limits: Limits,
+    surface: Surface,
+    depth: SignedDistance,
+) -> list[tuple[LimitViolation, Float]]:
+    """Check the distances of pads, upright on the skin, from each other and from other strands.
+
+    Args:
+        names: Names of the traces.
+        dense: Their samples (p, 3) from skin to skin, mm.
+        limits: The limits.
+        surface: The body's surface.
+        depth: Depth below it.
+
+    Returns:
+        Violations, each with a place (3,) mm.
+    """
+    depths = np.linspace(0, limits.pad[1], 12)[:, None]
+    ends = [(i, end, dense[i][end]) for i in range(len(dense)) for end in (0, -1)]
+    inward = -surface.normals[depth.closest(np.array([mouth for *_, mouth in ends]))[1]]
+    axes = [mouth + depths * n for (*_, mouth), n in zip(ends, inward, strict=True)]
+    found: list[tuple[LimitViolation, Float]] = []
+
+    def compare(i: int, j: int, axis: Float, others: Float, needed: float, what: str) -> None:
+        gap, _ = cKDTree(others).query(axis)
+        k = int(gap.argmin())
+        if gap[k] < needed - _TOLERANCE_MM:
+            message = (
+                f"a pad of trace {names[i]!r} comes within {gap[k]:.2f} mm of {what} trace"
+                f" {names[j]!r} near {format_point(axis[k])}; {needed:.2f} mm is needed"
+            )
+            involved = (names[i],) if i == j else (names[i], names[j])
+            violation = LimitViolation("pad-too-close", message, involved, float(gap[k]))
+            found.append((violation, axis[k]))
+
+    for n, (i, end, _) in enumerate(ends):
+        for m in range(n):
+            compare(i, ends[m][0], axes[n], axes[m], limits.pad_to_pad, "a pad of")
+        for j, samples in enumerate(dense):
+            others = samples
+            if i == j:
+                along = arc_lengths(samples)
+                far = along if end == 0 else along[-1] - along
+                others = samples[far > pad_separation(limits)]
+            if len(others):
+                compare(i, j, axes[n], others, limits.pad_to_path, "the line of")
+    return found
 
 
 class _Findings:
@@ -237,8 +292,8 @@ def _check_kept(
 ) -> None:
     """Check that no channel with samples (p, 3) mm, pad or cut crosses a kept region."""
     distance, needed = -inset(shape, whole)[0], np.full(len(whole), limits.depth)
-    if limits.pad:
-        needed[[0, -1]] = limits.wall + limits.pad / 2
+    if limits.pad[0]:
+        needed[[0, -1]] = limits.wall + limits.pad_reach
     near = distance < needed - _TOLERANCE_MM
     if near.any():
         at = whole[int((distance - needed).argmin())]

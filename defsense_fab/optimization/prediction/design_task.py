@@ -44,20 +44,19 @@ def layout_limits(device: Device) -> Limits:
         assert device.pad is not None
         radius, room = device.cord.min_bend_radius, device.pad.room
         shortest = device.cord.min_stretch + 2 * device.pad.depth
-        clearance = max(channel, room) + wall  # pads keep apart, too
         # The wall around a pad is kept up to where required_depth no longer allows less.
         pad_end = ((wall + room / 2) / MAX_INLET_SLOPE, room)
         return Limits(
             wall,
             radius,
-            clearance,
+            channel + wall,
             channel,
             shortest=shortest,
             pocket=pad_end,
             is_cut=False,
             exits=exits,
             kept_whole=kept,
-            pad=room,
+            pad=(room, device.pad.depth),
         )
     pocket = pocket_depth(device, bends=device.fabrication.strain_relief is True)
     prestretch = device.fabrication.prestretch
@@ -109,7 +108,8 @@ def check_exits(device: Device, surface: Surface) -> None:
         return
     shapes = [device.regions[name] for name in device.exits]
     skin = np.concatenate([regions.sample_skin(shape, surface) for shape in shapes])
-    needed = layout_limits(device).clearance
+    limits = layout_limits(device)
+    needed = limits.pad_to_pad if limits.pad[0] else limits.clearance
     # No two points of the skin are further apart than the diagonal of its bounds.
     extent = float(np.linalg.norm(np.ptp(skin, axis=0))) if len(skin) else 0.0
     if extent >= needed:

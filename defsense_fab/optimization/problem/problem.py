@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -78,7 +79,8 @@ class Limits:
         is_cut: Whether the body is cut along the planes; it is not around printed traces.
         exits: Regions in which both ends of every cord leave the body; empty for anywhere.
         kept_whole: Bounded regions that no channel and no cut may cross.
-        pad: Diameter of the pads at the ends of printed traces, zero without pads.
+        pad: Diameter and depth below the skin of the pads at the ends of printed traces, zero
+            without pads.
     """
 
     wall: float
@@ -92,7 +94,22 @@ class Limits:
     is_cut: bool = True
     exits: tuple[Shape, ...] = ()
     kept_whole: tuple[Shape, ...] = ()
-    pad: float = 0.0
+    pad: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def pad_reach(self) -> float:
+        """Largest distance of a pad's filament from its middle on the skin."""
+        return math.hypot(self.pad[0] / 2, self.pad[1])
+
+    @property
+    def pad_to_pad(self) -> float:
+        """Smallest distance of the axes of two pads."""
+        return self.pad[0] + self.wall
+
+    @property
+    def pad_to_path(self) -> float:
+        """Smallest distance of a pad's axis from the center line of another strand."""
+        return (self.pad[0] + self.channel_diameter) / 2 + self.wall
 
     @property
     def lengths(self) -> str:
@@ -127,9 +144,9 @@ class Limits:
             negative where a mouth is not allowed, and gradients (n, 3).
         """
         rooms = [self.exit_room(mouths)] if self.exits else []
-        if self.pad and self.kept_whole:
+        if self.pad[0] and self.kept_whole:
             room, gradient = self.room_to_kept(mouths)
-            rooms.append((room - (self.pad - self.channel_diameter) / 2, gradient))
+            rooms.append((room + self.channel_diameter / 2 - self.pad_reach, gradient))
         return rooms
 
     def room_to_kept(self, points: Float) -> tuple[Float, Float]:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...core.arrays import Float
-from ..limits.constraints import MARGIN_MM, Constraints
+from ..limits.constraints import FLAT_REACH_MM, MARGIN_MM, Constraints
 from ..limits.thin_parts import ThinParts
 from ..problem.cord_kinematics import place_cord
 from ..problem.cord_parameters import (
@@ -49,6 +49,7 @@ def descend(
     show: Callable[[float, float], None],
     forgiven: float = MAX_MARGIN_USE_MM,
     follow: Callable[[Layout, float], None] | None = None,
+    reach: float = FLAT_REACH_MM,
 ) -> Layout:
     """Descend from a layout; coplanar cords stay coplanar, and no slivers appear.
 
@@ -61,8 +62,9 @@ def descend(
         show: Called after each step with the share of iterations done and the squared error.
         forgiven: Part of the limits' margin (mm) that may be used up if the layout does so.
         follow: Called after each step with the layout and its expected RMSE (mm).
+        reach: How far the mouths of paths in space may move, mm.
     """
-    program = _LayoutProgram(problem, sensors, slivers)
+    program = _LayoutProgram(problem, sensors, slivers, reach)
     if not program.size:  # nothing is free, as when a locked cord holds the plane
         return sensors
 
@@ -81,14 +83,16 @@ def descend(
 class _LayoutProgram:
     """The error and the limits of a layout as functions of its free parameters."""
 
-    def __init__(self, problem: Problem, layout: Layout, slivers: ThinParts) -> None:
+    def __init__(self, problem: Problem, layout: Layout, slivers: ThinParts, reach: float) -> None:
         self._layout, self._slivers = layout, slivers
         self._cords, spread = shared_parameters(layout)
         # It has a single 1 in each row; on few parameters dense products are faster.
         self._spread: Any = sp.csr_array(spread) if len(spread) > MIN_SPARSE_SIZE else spread
         self.size = spread.shape[1]
         self._objective = Objective(problem, self._cords)
-        self._constraints = Constraints(problem.surface, problem.depth, problem.limits, self._cords)
+        self._constraints = Constraints(
+            problem.surface, problem.depth, problem.limits, self._cords, reach
+        )
         self._is_guarded = not slivers(layout)
 
     def model(self, y: Float) -> QuadraticModel:

@@ -13,6 +13,7 @@ from ...core.curve import distinct_planes, sample_path
 from ...core.device.device import Sensor
 from ...core.errors import LayoutError
 from ...core.progress import Report, subrange
+from ..limits.constraints import FLAT_REACH_MM
 from ..limits.thin_parts import ThinParts
 from ..limits.verification import verify
 from ..problem.cord_parameters import round_layout
@@ -34,10 +35,10 @@ LayoutCallback = Callable[[Layout, float], None]
 
 _SHORT_ITERATIONS, _LONG_ITERATIONS = 15, 40  # of the first descents, and of the final ones
 _MOVED_LIFTS = 2  # copies of a planar layout that start in space from other places
-_EXCHANGES = 6  # pools of candidates that replace a cord of the best layout in space
-_EXCHANGE_TRIES = 4  # exchanges tried from each pool
+_EXCHANGES = 2  # pools of candidates that replace a cord of the best layout in space
+_EXCHANGE_TRIES = 2  # exchanges tried from each pool
 _FINISH_ROUNDS = 3  # descents in a row that finish a layout, at most
-_MORE_ROUNDS = 3  # for one in space that breaks a limit, where ends move more freely
+_MORE_ROUNDS = 3  # for one in space that breaks a limit; its ends move less and less
 _SHORT_TOLERANCE, _FINISH_TOLERANCE = 1e-3, 2e-4  # smallest relative gain per iteration
 _CONVERGENCE_RTOL = 2e-3  # relative gain of a descent below which a layout is finished
 
@@ -375,6 +376,7 @@ def _finish(
             show,
             margin_use,
             follow,
+            FLAT_REACH_MM / 2 ** max(n - _FINISH_ROUNDS + 1, 0),
         )
         before, error = error, layout_error(problem, layout)
         is_refused = best.offer(layout)

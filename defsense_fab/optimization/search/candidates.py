@@ -160,10 +160,12 @@ def find_feasible(
         return kept
     ends = ends[leaves]
     mouths = paths[leaves][:, [0, -1]] + ends[:, :, None] * out[leaves]
-    rooms = [room for room, _ in limits.mouth_rooms(mouths.reshape(-1, 3))]
+    rooms = [room.reshape(-1, 2) for room, _ in limits.mouth_rooms(mouths.reshape(-1, 3))]
+    if limits.pad[0]:
+        between = np.linalg.norm(mouths[:, 1] - mouths[:, 0], axis=1)
+        rooms.append(between[:, None] - limits.pad_to_pad)
     if rooms:
-        room = np.min(rooms, axis=0).reshape(-1, 2)
-        inside = np.asarray((room > MARGIN_MM).all(axis=1))
+        inside = np.all([(room > MARGIN_MM).all(axis=1) for room in rooms], axis=0)
         narrow(inside)
         leaves[leaves] = inside
         ends = ends[inside]

@@ -9,7 +9,7 @@ import numpy as np
 from ...core.curve import sample_path
 from ..problem.problem import Problem
 from .candidates import Pool
-from .starting_layouts import SAMPLING_MARGIN_MM, Layout, keeps_clearance
+from .starting_layouts import Layout, keeps_clearance
 
 _MAX_TRIES = 200  # best candidates for a cord, whose clearance is checked
 
@@ -30,7 +30,6 @@ def exchanged_layouts(
     """
     signals = np.stack([problem.signals(sample_path(s)) for s in layout], axis=1)
     paths = [Pool.of(problem, s).paths[0] for s in layout]
-    clearance = problem.limits.clearance + SAMPLING_MARGIN_MM
     found: list[tuple[float, int, int]] = []
     for i, sensor in enumerate(layout):
         if not sensor.free.issuperset({"path", "ends"}):
@@ -41,7 +40,9 @@ def exchanged_layouts(
         others = [p for k, p in enumerate(paths) if k != i]
         best = np.argsort(errors, kind="stable")[:_MAX_TRIES].tolist()
         kept = [
-            k for k in best if all(keeps_clearance(pool.paths[k], p, clearance) for p in others)
+            k
+            for k in best
+            if all(keeps_clearance(pool.paths[k], p, problem.limits) for p in others)
         ]
         found += [(float(errors[k]), i, k) for k in kept[:per_cord]]
     for _, i, k in sorted(found):

@@ -15,7 +15,7 @@ from ...core.errors import LayoutError
 from ...core.progress import Report
 from ..limits.polyline_distance import path_gaps
 from ..limits.thin_parts import ThinParts
-from ..problem.problem import Problem
+from ..problem.problem import Limits, Problem
 from .candidate_families import (
     lift_into_space,
     there_and_back,
@@ -32,7 +32,7 @@ _MAX_EXCHANGE_TRIES = 400  # best candidates tried in place of a chosen cord; a 
 def select_candidates(
     pools: Sequence[Pool],
     error: Callable[[Float], Float],
-    clearance: float,
+    limits: Limits,
     *,
     rounds: int = 3,
     some: Sequence[Bool] | None = None,
@@ -44,7 +44,7 @@ def select_candidates(
     Args:
         pools: The candidates of each cord.
         error: Function of sets of signals (k, n, m) of m cords that returns the error (k,) of each.
-        clearance: Smallest distance of two cords, mm.
+        limits: The limits, with the distances of two cords.
         rounds: Largest number of rounds in which each cord is exchanged if that helps.
         some: Restricts each pool to a part (c,) bool.
         settled: Marks pools of one cord that was verified next to the other settled ones. Coarse
@@ -78,7 +78,7 @@ def select_candidates(
             for k in numbers[best].tolist():
                 if k == chosen[slot]:
                     break  # better candidates do not keep the clearance
-                if all(keeps_clearance(pool.paths[k], line, clearance) for line in lines) and (
+                if all(keeps_clearance(pool.paths[k], line, limits) for line in lines) and (
                     allowed is None or allowed({**{i: int(chosen[i]) for i in others}, slot: k})
                 ):
                     chosen[slot] = k
@@ -91,12 +91,19 @@ def select_candidates(
     return chosen
 
 
-def keeps_clearance(path: Float, other: Float, clearance: float) -> bool:
-    """Return whether the path (p, 3) keeps `clearance` from the path (q, 3)."""
+def keeps_clearance(path: Float, other: Float, limits: Limits) -> bool:
+    """Return whether two coarse paths (p, 3), (q, 3) mm and their pads keep their distance."""
+    clearance = limits.clearance + _SAMPLING_MARGIN_MM
     slack = np.linalg.norm(np.diff(other, axis=0), axis=1).max() / 4
-    low, high = other.min(0) - clearance - slack, other.max(0) + clearance + slack
-    if (path.max(0) < low).any() or (path.min(0) > high).any():
+    far = max(clearance, limits.pad_to_pad if limits.pad[0] else 0.0) + slack
+    if (path.max(0) < other.min(0) - far).any() or (path.min(0) > other.max(0) + far).any():
         return True
+    if limits.pad[0]:
+        ends, others = path[[0, -1]], other[[0, -1]]
+        between = np.linalg.norm(ends[:, None] - others, axis=2).min()
+        to_path = min(path_gaps(ends[None], other)[0], path_gaps(others[None], path)[0])
+        if min(between - limits.pad_to_pad, to_path - limits.pad_to_path) < _SAMPLING_MARGIN_MM:
+            return False
     return bool(path_gaps(path[None], other)[0] >= clearance + slack)
 
 
@@ -109,8 +116,7 @@ _START_SHARE = 0.3  # of the candidates, so that starts differ
 _MAX_PLANE_TRIES = 5  # sets of planes tried for a start
 _PLANE_CANDIDATES = 3000  # per plane
 _ROOM_CANDIDATES = 2000  # to find how many cords the body has room for
-#: Added to the clearance for what coarse samples miss.
-SAMPLING_MARGIN_MM = 0.1
+_SAMPLING_MARGIN_MM = 0.1  # added to distances for what coarse samples miss
 
 
 @dataclass(frozen=True)
@@ -276,8 +282,7 @@ def no_room_error(problem: Problem, count: int) -> LayoutError:
 def _count_that_fits(problem: Problem, count: int) -> int:
     """Return for how many of `count` cords greedy selection finds room."""
     pool = family_pool(problem, _ROOM_CANDIDATES, np.random.default_rng(0))
-    clearance = problem.limits.clearance + SAMPLING_MARGIN_MM
-    chosen = select_candidates([pool] * count, problem.expected_error, clearance, rounds=0)
+    chosen = select_candidates([pool] * count, problem.expected_error, problem.limits, rounds=0)
     return int((chosen >= 0).sum())
 
 
@@ -373,7 +378,7 @@ def _select(
         chosen = select_candidates(
             [c.pool for c in cords],
             problem.expected_error,
-            problem.limits.clearance + SAMPLING_MARGIN_MM,
+            problem.limits,
             some=some,
             settled=[c.settled for c in cords],
             allowed=allowed,

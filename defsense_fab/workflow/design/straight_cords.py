@@ -161,7 +161,8 @@ class StraightCords:
 
     def _clear(self, ends: Float) -> Bool:
         """Return which cords (k,) keep their distance from the present cords."""
-        need = self._task.design.limits.clearance
+        limits = self._task.design.limits
+        need = limits.pad_to_pad if limits.pad[0] else limits.clearance
         way = ends[:, 1] - ends[:, 0]
         square = (way**2).sum(axis=1)[:, None]
         good = np.ones(len(ends), bool)

@@ -321,7 +321,7 @@ def test_selection_against_brute_force(problem, decoder):
         rng = np.random.default_rng(seed)
         random = replace(problem, markers=rng.normal(size=(8, 5, 3)))
         pool = Pool((), paths, rng.normal(size=(8, 12)))
-        chosen = select_candidates([pool, pool], random.expected_error, 3.0, rounds=10)
+        chosen = select_candidates([pool, pool], random.expected_error, LIMITS, rounds=10)
         errors = random.expected_error(np.stack([pool.signals[:, list(p)] for p in pairs]))
         got = errors[pairs.index(tuple(sorted(chosen)))]
         assert got == pytest.approx(float(random.expected_error(pool.signals[:, chosen])))
