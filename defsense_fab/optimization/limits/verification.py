@@ -29,7 +29,8 @@ from ...geometry.channels.channel_ends import MAX_INLET_SLOPE
 from ...geometry.kernels import surface_queries
 from ...geometry.kernels.surface_queries import SignedDistance, signed_distance_of
 from ..problem.problem import Limits
-from .constraints import MAX_INLET_MM, pad_separation
+from .constraints import pad_separation
+from .inlets import MAX_INLET_MM
 
 _TOLERANCE_MM = 1e-3
 _SPACING_MM = 0.25  # of samples

@@ -10,7 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...core.arrays import Float
-from ..limits.constraints import FLAT_REACH_MM, MARGIN_MM, Constraints
+from ..limits.constraints import FLAT_REACH_MM, Constraints
+from ..limits.inlets import MARGIN_MM
 from ..limits.thin_parts import ThinParts
 from ..problem.cord_kinematics import place_cord
 from ..problem.cord_parameters import (

@@ -13,14 +13,8 @@ from ...core.device.device import Sensor
 from ...core.device.regions import hull_points
 from ...geometry.kernels.surface_queries import SignedDistance
 from ...mechanics.elements.threads import count_cores, run_in_chunks
-from ..limits.constraints import (
-    MARGIN_MM,
-    MAX_INLET_MM,
-    RUN_SAMPLES,
-    required_depth,
-    run_lengths,
-    strand_separation,
-)
+from ..limits.constraints import required_depth, strand_separation
+from ..limits.inlets import MARGIN_MM, MAX_INLET_MM, RUN_SAMPLES, run_lengths
 from ..limits.polyline_distance import self_gaps
 from ..problem.depth_grid import DepthGrid
 from ..problem.problem import Limits, Problem

@@ -65,7 +65,7 @@ def test_the_section_of_a_sweep(direction, area):
 
 def test_a_trace_is_strained_from_skin_to_skin():
     """It is bonded; the cord of a channel is not strained outside of its path."""
-    (channel,) = make_trace_lines([straight("a", -4)], block(), 1.2)
+    (channel,) = make_trace_lines([straight("a", -4)], block(), 1.2, PIN.depth)
     assert channel.sensing[[0, -1]] == pytest.approx(np.array([[-30, -4, 0], [30, -4, 0]]))
     assert replace(channel, is_trace=False).sensing[[0, -1], 0] == pytest.approx([-28, 28])
 

@@ -16,6 +16,7 @@ def device(kind="cast", searches=1, propose=2, free=()):
     return SimpleNamespace(
         source=Path("finger"),
         fabrication=SimpleNamespace(kind=kind),
+        cord=SimpleNamespace(noun="cord"),
         searches=searches,
         propose=propose,
         sensors=[SimpleNamespace(free=f) for f in free],

@@ -110,7 +110,9 @@ def test_sliced_parts_have_no_findings(coupon, specimen, tmp_path, capsys):
         checked = json.loads(capsys.readouterr().out)
         assert checked["findings"] == []
         for trace in checked["traces"]:
-            assert trace["resistance"] == pytest.approx(trace["expected"], rel=0.2)
+            # Slopes have more resistance than the model; the fit leaves them out.
+            tolerance = 0.25 if trace["name"] == "slope" else 0.1
+            assert trace["resistance"] == pytest.approx(trace["expected"], rel=tolerance)
     assert main(["traces", str(coupon), str(tmp_path / f"{specimen.name}.gcode")]) == REFUSED
 
 

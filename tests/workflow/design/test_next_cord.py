@@ -8,6 +8,7 @@ import pytest
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.device.filaments import TraceSpec
+from defsense_fab.core.device.pads import PADS
 from defsense_fab.store.build import Build
 from defsense_fab.workflow.design.body_section import BodySection
 from defsense_fab.workflow.design.layout_judge import LayoutJudge
@@ -53,8 +54,10 @@ def test_drops_match_the_judge(device, live_bar, assembly, length):
         pockets=has_pockets,
     )
     trace = TraceSpec("eel", 1.2, 0.8, 120.0, 2.0, 3.0, 80.0, 0.15)
-    cord = replace(device.cord, trace=trace) if assembly == "printed" else device.cord
-    device = replace(device, fabrication=fabrication, cord=cord)
+    device = replace(device, fabrication=fabrication)
+    if assembly == "printed":
+        cord = replace(device.cord, trace=trace)
+        device = replace(device, cord=cord, pad=PADS["spring-pin"])
     judge = LayoutJudge(device, Build(live_bar.folder / "build"))
     sensors = device.sensors
     cord_map = final_map(judge, sensors, length)
