@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -113,6 +114,7 @@ Family = Callable[[Problem, int, np.random.Generator, Float | None], CandidateBa
 FREE = frozenset({"path", "plane"})
 _ALIGNED = frozenset({"path", "offset"})
 _START_SHARE = 0.3  # of the candidates, so that starts differ
+_SMALL_SHARE_TRIES = 50  # selections from small shares, if larger ones have no room
 _MAX_PLANE_TRIES = 5  # sets of planes tried for a start
 _PLANE_CANDIDATES = 3000  # per plane
 _ROOM_CANDIDATES = 2000  # to find how many cords the body has room for
@@ -320,6 +322,13 @@ def select_starts(
             layout = next((t for t in layouts if t is not None), None)
         if layout is not None:
             out.append(layout)
+    if not out and search.planes is None:
+        # The best candidates leave no room for the last cord; those of small shares may.
+        tries = (
+            _select(problem, cords, _START_SHARE**2, slivers, rng)
+            for _ in range(_SMALL_SHARE_TRIES)
+        )
+        out += itertools.islice(filter(None, tries), search.starts)
     return out
 
 
