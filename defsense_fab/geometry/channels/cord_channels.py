@@ -179,7 +179,7 @@ def make_trace_lines(
     """
     out = []
     for sensor in sensors:
-        t = _trace(sensor, body, width)
+        t = _trace(sensor, body, width, "trace")
         mouths = [(t.inside[0], t.inside[1]), (t.inside[-1], t.inside[-2])]
         first, last = (End(a, (a - b) / np.linalg.norm(a - b), pad_depth, "") for a, b in mouths)
         ends = (first, last)
@@ -197,10 +197,10 @@ class _Trace:
     runs: tuple[float, float]
 
 
-def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
+def _trace(sensor: Sensor, body: Surface, diameter: float, noun: str = "cord") -> _Trace:
     """Extend a path straight to the skin on both sides."""
     path = sample_path(sensor, per_span_for_sag(sensor.curve, MAX_SAG_MM))
-    _check_path(sensor, path, body, diameter)
+    _check_path(sensor, path, body, diameter, noun)
     tangents = sensor.plane.turn(sensor.curve.tangents)
     first, last = (t / np.linalg.norm(t) for t in (tangents[0], tangents[-1]))
     exits = [
@@ -214,13 +214,13 @@ def _trace(sensor: Sensor, body: Surface, diameter: float) -> _Trace:
     return _Trace(line, inside, (start, end), (before, after))
 
 
-def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> None:
+def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float, noun: str) -> None:
     """Raise FabricationError if a path leaves the body or bends too tightly."""
     if (np.linalg.norm(sensor.curve.tangents[[0, -1]], axis=1) < 1e-9).any():
         raise FabricationError(
             "a tangent at its ends is zero",
             code="zero-tangent",
-            where=f"cord {sensor.name!r}",
+            where=f"{noun} {sensor.name!r}",
             action="Give it a tangent",
             cord=sensor.name,
         )
@@ -232,7 +232,7 @@ def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> 
         raise FabricationError(
             f"{problem} near {at}",
             code="path-leaves-body",
-            where=f"cord {sensor.name!r}",
+            where=f"{noun} {sensor.name!r}",
             action="Move its plane or its path",
             cord=sensor.name,
             misses=not inside.any(),
@@ -245,7 +245,7 @@ def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float) -> 
             f"bends to a radius of {radius[k]:.2f} mm near {at}, too tight for a channel of"
             f" {diameter:.2f} mm",
             code="bend-too-tight",
-            where=f"cord {sensor.name!r}",
+            where=f"{noun} {sensor.name!r}",
             action="Smooth the path",
             cord=sensor.name,
             radius=float(radius[k]),

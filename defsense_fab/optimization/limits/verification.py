@@ -126,7 +126,7 @@ def verify(
             if gap[k] < limits.clearance - _TOLERANCE_MM:
                 names = (sensors[i].name, sensors[j].name)
                 message = (
-                    f"cords {names[0]!r} and {names[1]!r} come within {gap[k]:.2f} mm near"
+                    f"{limits.noun}s {names[0]!r} and {names[1]!r} come within {gap[k]:.2f} mm near"
                     f" {format_point(dense[i][k])}; {limits.clearance:.2f} mm is needed"
                 )
                 violations.append(LimitViolation("cords-too-close", message, names, float(gap[k])))
@@ -193,13 +193,13 @@ def _check_pads(
 class _Findings:
     """The violations of one cord and the samples where they occur."""
 
-    def __init__(self, name: str) -> None:
-        self._name = name
+    def __init__(self, name: str, noun: str) -> None:
+        self._name, self._noun = name, noun
         self.violations: list[LimitViolation] = []
         self.broken: list[Float] = []
 
     def add(self, code: str, value: float, text: str, samples: Float | None = None) -> None:
-        message = f"cord {self._name!r}{text}"
+        message = f"{self._noun} {self._name!r}{text}"
         self.violations.append(LimitViolation(code, message, (self._name,), float(value)))
         if samples is not None:
             self.broken.append(samples)
@@ -208,7 +208,7 @@ class _Findings:
 def _check_cord(
     sensor: Sensor, points: Float, surface: Surface, limits: Limits, depth_of: SignedDistance
 ) -> CordCheck:
-    findings = _Findings(sensor.name)
+    findings = _Findings(sensor.name, limits.noun)
     start = _inlet_length(points[0], points[1], surface)
     end = _inlet_length(points[-1], points[-2], surface)
     inlets = (start, end)

@@ -97,6 +97,11 @@ class Limits:
     pad: tuple[float, float] = (0.0, 0.0)
 
     @property
+    def noun(self) -> str:
+        """What texts call a path: "cord" or "trace"."""
+        return "cord" if self.is_cut else "trace"
+
+    @property
     def pad_reach(self) -> float:
         """Largest distance of a pad's filament from its middle on the skin."""
         return math.hypot(self.pad[0] / 2, self.pad[1])

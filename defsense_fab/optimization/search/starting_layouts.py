@@ -217,7 +217,7 @@ def candidate_choices(
         if needs_families and not len(families):
             raise no_room_error(problem, len(drawn) + extra)
         used = {s.name for s in drawn}
-        word = "cord" if problem.limits.is_cut else "trace"
+        word = problem.limits.noun
         names = (f"{word}-{i}" for i in range(1, len(drawn) + extra + 1 + len(used)))
         new_names = [n for n in names if n not in used][:extra]
         out += [CordChoices(n, free, families) for n in new_names]

@@ -29,7 +29,7 @@ def find_risks(problem: Problem, sensors: Sequence[Sensor]) -> list[Notice]:
         sensors: The cords of the layout.
     """
     out: list[Notice] = []
-    noun = "cord" if problem.limits.is_cut else "trace"
+    noun = problem.limits.noun
     for sensor in sensors:
         change = round(float(np.ptp(problem.signals(sample_path(sensor)))), 9)
         if change < max(problem.noise, _MIN_SIGNAL_CHANGE):
