@@ -111,7 +111,9 @@ def memory_residuals(cord: str, decoder: str, count: int) -> tuple[MemoryResidua
     return tuple(
         MemoryResidual(
             row["family"],
-            *(float(row[name]) for name in ("low", "median", "high")),
+            float(row["low"]),
+            float(row["median"]),
+            float(row["high"]),
             is_absolute=row["relative_to"] == _ABSOLUTE,
         )
         for row in chosen
