@@ -6,6 +6,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from benchmarks import memory_residuals as benchmark
 from defsense_fab.core.device.filaments import read_filaments
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.sensing.memory_residual import (
@@ -61,13 +62,35 @@ def test_every_row_states_basis_and_source():
     text = (files("defsense_fab") / "data" / "memory_residuals.csv").read_text(encoding="utf-8")
     for row in csv.DictReader(text.splitlines()):
         assert row["basis"] in ("simulated", "measured")
+        assert row["relative_to"] in ("largest signal", "R0")
         assert row["source"]
         assert float(row["low"]) <= float(row["median"]) <= float(row["high"])
 
 
-def test_drawn_shares_have_the_quantiles_of_the_row():
-    residual = MemoryResidual("row", 0.02, 0.05, 0.12)
-    shares = residual.draw(20000, np.random.default_rng(0))
-    expected = [residual.low, residual.median, residual.high]
-    assert np.quantile(shares, [0.05, 0.5, 0.95]) == pytest.approx(expected, rel=0.05)
-    assert shares.min() >= 0
+@pytest.mark.parametrize("largest", [0.1, 0.5])
+@pytest.mark.parametrize("is_absolute", [False, True])
+def test_drawn_errors_have_the_quantiles_of_the_row(is_absolute, largest):
+    residual = MemoryResidual("row", 0.02, 0.05, 0.12, is_absolute)
+    errors = residual.draw(np.full(20000, largest), np.random.default_rng(0))
+    expected = np.array([residual.low, residual.median, residual.high])
+    expected *= 1 if is_absolute else largest
+    assert np.quantile(errors, [0.05, 0.5, 0.95]) == pytest.approx(expected, rel=0.05)
+    assert errors.min() >= 0
+
+
+def test_residuals_of_traces_alone_do_not_grow_with_the_signal():
+    residuals = memory_residuals("eel", TRAINED, 3)
+    assert [r.family for r in residuals if r.is_absolute] == ["network"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("largest", [0.06, 0.4])
+def test_residuals_of_traces_contain_those_of_other_prints(largest, monkeypatch):
+    """Signals of 6 and 40 % leave errors in the range of the table, but not the same share."""
+    monkeypatch.setattr(benchmark, "LARGEST_RANGE_OF_TRACES", (largest, largest))
+    monkeypatch.setattr(benchmark, "KINDS", {TRAINED: benchmark.KINDS[TRAINED]})
+    seeds = [seed for seed in range(1001, 1008) if seed % benchmark.MAX_CORDS]
+    noise = np.concatenate([benchmark.residuals("network", s, 10.0)[1][TRAINED] for s in seeds])
+    (row,) = expected_residuals("eel", TRAINED, 3)
+    assert 0.75 < np.median(noise) / row.median < 1.33
+    assert np.mean((noise >= row.low) & (noise <= row.high)) > 0.7

@@ -80,7 +80,9 @@ def trained_error(
     problem, largest = task.everything, np.abs(signals).max(axis=0)
     flat = problem.markers.reshape(len(problem.markers), -1)
     errors = [
-        _unseen_errors(problem, task.unseen, signals, np.hypot(noise, r.median * largest), flat)[0]
+        _unseen_errors(
+            problem, task.unseen, signals, np.hypot(noise, r.median * r.unit(largest)), flat
+        )[0]
         for r in residuals
     ]
     return float(np.exp(np.mean(np.log(errors))))

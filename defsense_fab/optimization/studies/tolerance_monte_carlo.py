@@ -96,14 +96,14 @@ class SampledDevice:
     states: Int
     readings: Float
 
-    def add_memory(self, shares: Float, rng: np.random.Generator) -> SampledDevice:
+    def add_memory(self, memory: MemoryResidual, rng: np.random.Generator) -> SampledDevice:
         """Return the device with what is left of its cords' memory in the signals.
 
         Args:
-            shares: Standard deviations of this error (c,), as shares of each cord's largest signal.
+            memory: Errors that the cords' memory leaves.
             rng: Random generator.
         """
-        error = shares * np.abs(self.signals).max(axis=0)
+        error = memory.draw(np.abs(self.signals).max(axis=0), rng)
         readings = self.readings + error * rng.normal(size=self.readings.shape)
         return replace(self, noise=np.hypot(self.noise, error), readings=readings)
 
@@ -151,7 +151,7 @@ def measure_devices(
     rng = np.random.default_rng(_MEMORY_SEED)
     for device in devices:
         if memory is not None:
-            device = device.add_memory(memory.draw(device.signals.shape[1], rng), rng)
+            device = device.add_memory(memory, rng)
         rmse, decoders = _test_device(device, decoder, unseen, decoders)
         errors.append(rmse)
     return np.array(errors)
