@@ -244,13 +244,15 @@ def _find_gaps(
                 distance = float(np.abs(arc[group] - position).min())
                 nearest = group[int(np.abs(arc[group] - position).argmin())]
                 best[c, node] = (distance, (cells.center[nearest] + point) / 2)
-    trees = [cKDTree(cells.center[group]) for group in groups]
+    # Nearby strands of a trace that goes out and comes back are far apart along it.
+    place = np.column_stack([cells.center, arc])
+    trees = [cKDTree(place[group]) for group in groups]
     for a in range(count):
         for b in range(a + 1, count):
-            distance, index = trees[b].query(cells.center[groups[a]])
+            distance, index = trees[b].query(place[groups[a]])
             i = int(distance.argmin())
             pair = cells.center[groups[a][i]], cells.center[groups[b][index[i]]]
-            best[a, b] = (float(distance[i]), (pair[0] + pair[1]) / 2)
+            best[a, b] = (float(distance[i]) / np.sqrt(2), (pair[0] + pair[1]) / 2)
     keys = np.array(list(best))
     weight = np.array([value[0] for value in best.values()])
     graph = coo_array((weight, (keys[:, 0], keys[:, 1])), shape=(count + 2, count + 2))

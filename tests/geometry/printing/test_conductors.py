@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from dataclasses import fields
 from itertools import pairwise
 
 import numpy as np
@@ -209,6 +210,19 @@ def long_meander(legs=10, length=80.0, pitch=3.0):
     ones = np.ones(n, np.int64)
     beads = Beads(start, end, np.full(n, 0.443), np.full(n, 0.2), 0.08 * size, ones, 0 * ones, ones)
     return Trace("meander", line, 1.2, 0.8), beads
+
+
+def test_a_gap_is_placed_along_the_trace():
+    """The legs on both sides of the gap are nearer to each other than the gap is wide."""
+    trace, beads = long_meander(legs=2, length=40.0)
+    middle = (beads.start + beads.end) / 2
+    kept = (middle[:, 1] > 1.5) | (np.abs(middle[:, 0] - 18) > 3)
+    arrays = {f.name: getattr(beads, f.name) for f in fields(beads)}
+    damaged = Beads(**{k: v[kept] if isinstance(v, np.ndarray) else v for k, v in arrays.items()})
+    (gap,) = check_traces(damaged, [trace], 1, RHO).findings
+    assert gap.kind == "gap"
+    assert gap.point == pytest.approx([18, 0, 0.4], abs=0.5)
+    assert gap.size == pytest.approx(6, abs=0.5)
 
 
 @pytest.mark.slow
