@@ -49,7 +49,7 @@ class Stiffening:
         return (
             "the prediction is of the body with its traces: their stiffness changes signals by up"
             f" to {self.signals:.1%} of the largest, and shapes by {self.shapes:.2g} mm (root mean"
-            f" square); poses take up to {self.forces.traces:.2g} times the work{left}"
+            f" square); poses take up to {self.forces.traces - 1:.1%} more work{left}"
         )
 
 
