@@ -167,6 +167,9 @@ _TASKS: dict[str, dict[str, tuple[str, str]]] = {
         "study": ("design.study", "Compare designs: numbers of cords, or values of device.toml"),
         "studio": ("design.studio", "Edit and watch a device in the browser"),
     },
+    "Set up the read-out board": {
+        "board": ("board.board", "Set up, check and read the board that measures the cords"),
+    },
     "Calibrate": {
         "calibrate": ("calibrate.calibrate", "Measure the response of a cord on specimens"),
         "recalibrate": ("train.recalibrate", "Adapt a model to changed resistances at rest"),

@@ -23,7 +23,7 @@ def help_of(name, capsys):
 def test_all_commands_exist():
     assert {"build", "capture camera check"} <= set(LEAVES)
     assert len(LEAVES) > 15
-    assert set(GROUPS) == {"cache", "calibrate", "capture", "capture camera"}
+    assert set(GROUPS) == {"board", "cache", "calibrate", "capture", "capture camera"}
 
 
 @pytest.mark.parametrize("name", LEAVES)

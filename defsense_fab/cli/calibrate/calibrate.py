@@ -11,9 +11,7 @@ _COMMANDS = (
     ("clearance", "parts", "Write the clearance result with the coupon to a device"),
     ("trace-coupon", "traces", "Write the coupon of printed traces for their resistivity"),
     ("resistivity", "traces", "Determine a filament's resistivity from the measured coupon"),
-    ("ports", "board", "List serial ports and show what a read-out board reads"),
-    ("record", "board", "Measure a specimen on its jigs, step by step"),
-    ("reference", "board", "Measure the reference resistors with a known resistor"),
+    ("record", "record", "Measure a specimen on its jigs, step by step"),
     ("twin", "response", "Create sessions of a simulated specimen, to try the fit"),
     ("fit", "response", "Fit the cord's response to sessions or tables of readings"),
 )

@@ -8,7 +8,6 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from ...calibration.options import BoardOptions as BoardOptions
 from ...calibration.options import FitOptions as FitOptions
 from ...calibration.options import MeasureOptions as MeasureOptions
 from ...core.errors import CalibrationError, FabricationError
@@ -114,27 +113,6 @@ class ResistivityOptions:
     ohm: tuple[Resistance, ...] | None = None
     readings: Path | None = None
     spread: Annotated[float, Meta(ge=0.1, le=50)] = FitOptions.spread  # as between specimens
-
-    def __post_init__(self) -> None:
-        check_options(self, CalibrationError)
-
-
-@dataclass(frozen=True)
-class ReferenceOptions:
-    """How the reference resistors of a read-out board are measured.
-
-    Attributes:
-        known: Set the known resistance in ohm.
-        channels: Set the number of channels.
-        seconds: Set the time to average over in s.
-
-    Raises:
-        CalibrationError: A value is not valid.
-    """
-
-    known: Resistance
-    channels: Annotated[int, Meta(ge=1, le=16)] = 3
-    seconds: Annotated[float, Meta(ge=0.1, le=3600)] = 2.0
 
     def __post_init__(self) -> None:
         check_options(self, CalibrationError)

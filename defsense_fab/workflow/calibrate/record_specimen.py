@@ -18,7 +18,8 @@ from ...capture.readout.reader import ReadoutSettings
 from ...core.errors import CaptureError, DefsenseError
 from ...core.guided_run import Screen
 from ...twin.live.sample_sources import open_source
-from .options import BoardOptions, MeasureOptions
+from ..board.options import BoardOptions
+from .options import MeasureOptions
 
 #: Folder of a session, next to `specimen.json`.
 SESSION = "session"

@@ -353,20 +353,20 @@ def test_clock_offset_and_drift_are_fitted(drift):
 def test_command_lists_ports_with_their_values(plug, monkeypatch, capsys):
     good = Port(plug(board()).path, "USB Serial")
     monkeypatch.setattr(
-        "defsense_fab.workflow.calibrate.readout.serial_ports",
+        "defsense_fab.workflow.board.readout.serial_ports",
         lambda: [good, Port("/dev/none", "")],
     )
-    assert main(["calibrate", "ports"]) == 0
+    assert main(["board", "ports"]) == 0
     output = capsys.readouterr().out
     assert f"{good.device:<16} USB Serial" in output
     assert "/dev/none" in output
     assert output.count("ohm") == 3
     assert "█" in output
     assert f"--port {good.device}" in output.splitlines()[-1]
-    assert main(["calibrate", "ports", "--list", "--json"]) == 0
+    assert main(["board", "ports", "--list", "--json"]) == 0
     assert [p["device"] for p in json.loads(capsys.readouterr().out)] == [good.device, "/dev/none"]
-    monkeypatch.setattr("defsense_fab.workflow.calibrate.readout.serial_ports", lambda: [])
-    assert main(["calibrate", "ports"]) == 0
+    monkeypatch.setattr("defsense_fab.workflow.board.readout.serial_ports", lambda: [])
+    assert main(["board", "ports"]) == 0
     assert "/dev/" not in capsys.readouterr().out
 
 

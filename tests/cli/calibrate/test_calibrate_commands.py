@@ -108,29 +108,6 @@ def test_keys_need_a_terminal(specimen):
         run_command(words)
 
 
-def test_board_is_shown(run):
-    data = run("ports", "--port", "twin", "--seconds", "0.5", "--json")
-    assert len(data["ohm"]) == 3
-    assert data["samples"] > 0
-    assert "channel 3" in run("ports", "--port", "twin", "--seconds", "0.5")
-    assert isinstance(run("ports", "--list", "--json"), list)
-    with raises(CaptureError, "source-invalid"):
-        run_command(["calibrate", "ports", "--port", "twin:pace=3"])
-
-
-@pytest.mark.parametrize("seconds", ["0", "-1", "nan"])
-def test_invalid_duration_is_refused(seconds):
-    with raises(DefsenseError, "out-of-range") as caught:
-        run_command(["calibrate", "ports", "--port", "twin", "--seconds", seconds])
-    assert caught.value.where == "--seconds"
-
-
-def test_reference_resistors_are_measured(run):
-    data = run("reference", "--port", "twin", "--known", "2500", "--json")
-    assert 1500 < min(data["reference"]) < 3500
-    assert "--reference" in run("reference", "--port", "twin", "--known", "2500")
-
-
 def test_specimen_is_measured_without_keys(specimen, run):
     words = ["record", "--port", "twin:speed=100", "--specimen", specimen, "--auto"]
     data = run(*words, "--rounds", "1", "--faces", "a", "--json")

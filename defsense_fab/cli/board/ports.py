@@ -1,4 +1,4 @@
-"""The commands `defsense calibrate ports | record | reference`."""
+"""The commands `defsense board ports | reference`: what a read-out board reads."""
 
 from __future__ import annotations
 
@@ -6,22 +6,19 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 from msgspec import Meta
 
 from ...core.schema.options import check_options
-from ...workflow.calibrate.options import BoardOptions, MeasureOptions, ReferenceOptions
+from ...workflow.board.options import BoardOptions, ReferenceOptions
 from ..app import command
-from ..exit_codes import DONE, STOPPED
 from ..output import OutputOptions, console, print_json, print_lines, standard_output
 
 if TYPE_CHECKING:
     from ...core.arrays import Float
-    from ...workflow.calibrate.readout import PortReading
-    from ...workflow.calibrate.record_specimen import RecordedSpecimen
+    from ...workflow.board.readout import PortReading
 
 _PORTS = "/dev/ttyUSB0, COM3, socket://host:port, or twin (twin:speed=20,k=2,seed=1)"
 Port = Annotated[str, Parameter(help=f"Set the port of the read-out board: {_PORTS}")]
@@ -45,16 +42,11 @@ class PortsOptions:
         check_options(self)
 
 
-_ALL_PORTS, _READINGS, _BOARD = PortsOptions(), MeasureOptions(), BoardOptions()
+_ALL_PORTS, _BOARD = PortsOptions(), BoardOptions()
 _OUTPUT = OutputOptions()
 
-ports = command("ports", "defsense calibrate ports", "defsense calibrate ports --port twin")
-record = command(
-    "record",
-    "defsense calibrate record --port /dev/ttyUSB0 --specimen my-specimen",
-    "defsense calibrate record --port twin:speed=20 --specimen my-specimen --rounds 2",
-)
-reference = command("reference", "defsense calibrate reference --port /dev/ttyUSB0 --known 2200")
+ports = command("ports", "defsense board ports", "defsense board ports --port twin")
+reference = command("reference", "defsense board reference --port /dev/ttyUSB0 --known 2200")
 
 
 @ports.default
@@ -69,7 +61,7 @@ def _ports(
     Shows the resistances that the read-out boards on the ports read, as bars. Read-out boards
     restart when their port is opened; --list opens none.
     """
-    from ...workflow.calibrate.readout import list_ports
+    from ...workflow.board.readout import list_ports
 
     if options.port is None:
         readings = list_ports(board, is_read=not options.list)
@@ -90,10 +82,10 @@ def _print_ports(readings: Sequence[PortReading], output: OutputOptions) -> None
             console().print(_bars(p.ohm))
     if readings:
         shown = next((p for p in readings if p.ohm is not None), readings[0])
-        next_step = f"defsense calibrate ports --port {shown.device}"
+        next_step = f"defsense board ports --port {shown.device}"
     else:
         print_lines(["No serial port was found."])
-        next_step = "connect the read-out board, or try defsense calibrate ports --port twin"
+        next_step = "connect the read-out board, or try defsense board ports --port twin"
     print_lines([f"Next:    {next_step}"])
 
 
@@ -111,7 +103,7 @@ def _watch(port: str, board: BoardOptions, seconds: float | None, output: Output
     from rich.console import Console
     from rich.live import Live
 
-    from ...workflow.calibrate.readout import watch_board
+    from ...workflow.board.readout import watch_board
 
     screen = Console(stderr=output.json)
     with Live(console=screen, auto_refresh=False, transient=output.json) as live:
@@ -136,61 +128,6 @@ def _finite(ohm: Float) -> list[float | None]:
     return [float(r) if math.isfinite(r) else None for r in ohm]
 
 
-@record.default
-def _record(
-    *,
-    port: Port,
-    specimen: Path,
-    out: Path | None = None,
-    auto: bool = False,
-    options: Annotated[MeasureOptions, Parameter(name="*")] = _READINGS,
-    board: Annotated[BoardOptions, Parameter(name="*")] = _BOARD,
-    output: OutputOptions = _OUTPUT,
-) -> int:
-    """Measure a specimen on its jigs, step by step.
-
-    The screen shows which jig is next and which side lies on it, waits until the reading has
-    settled, and plots the points so far. Every frame is written immediately. Press q to stop; rerun
-    the command to resume.
-
-    Args:
-        port: Set the port of the read-out board.
-        specimen: Set the folder that 'calibrate specimen' wrote, or its specimen.json.
-        out: Set the session folder (default: session, next to specimen.json).
-        auto: Read no keys: for twins, and for machines that bend the specimen.
-    """
-    from ...workflow.calibrate.record_specimen import record_specimen
-    from ..terminal.guided_screen import GuidedLines, GuidedTerminal
-
-    screen = GuidedLines() if auto else GuidedTerminal()
-    result = record_specimen(port, specimen, options, board, screen=screen, out=out, auto=auto)
-    with standard_output():
-        if output.json:
-            data = {
-                "session": str(result.folder),
-                "finished": result.is_finished,
-                "left": result.readings - result.finished,
-                "steps": result.readings,
-            }
-            print_json(data)
-        else:
-            print_lines(_describe_recorded(result))
-    return DONE if result.is_finished else STOPPED
-
-
-def _describe_recorded(result: RecordedSpecimen) -> list[str]:
-    folder, count = result.folder, result.readings
-    if result.is_finished:
-        return [
-            f"All {count} readings are complete: {folder}",
-            f"Next:    defsense calibrate fit {folder} (and other specimens' sessions)",
-        ]
-    return [
-        f"Stopped after {result.finished} of {count} readings; all frames are in {folder}",
-        "Next:    rerun the command to resume; fit accepts incomplete sessions",
-    ]
-
-
 @reference.default
 def _reference(
     *,
@@ -207,7 +144,7 @@ def _reference(
     Args:
         port: Set the port of the read-out board.
     """
-    from ...workflow.calibrate.readout import measure_reference_resistors
+    from ...workflow.board.readout import measure_reference_resistors
 
     resistors = measure_reference_resistors(port, options)
     with standard_output():

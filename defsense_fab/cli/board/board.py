@@ -1,0 +1,13 @@
+"""The commands `defsense board ...`; the module of a command is imported when it is used."""
+
+from __future__ import annotations
+
+from ..app import command
+
+board = command("board", help="Set up, check and read the board that measures the cords")
+_COMMANDS = (
+    ("ports", "ports", "List serial ports and show what a read-out board reads"),
+    ("reference", "ports", "Measure the reference resistors with a known resistor"),
+)
+for _order, (_name, _module, _text) in enumerate(_COMMANDS):
+    board.command(f"{__package__}.{_module}:{_name}", name=_name, help=_text, sort_key=_order)

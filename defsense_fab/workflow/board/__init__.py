@@ -1,0 +1,1 @@
+"""Set up, check and read the board that measures the cords."""

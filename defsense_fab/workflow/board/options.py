@@ -1,0 +1,34 @@
+"""Options of the functions of `workflow.board`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from msgspec import Meta
+
+from ...calibration.options import BoardOptions as BoardOptions
+from ...core.errors import CalibrationError
+from ...core.schema.options import check_options
+from ...sensing.voltage_divider import Resistance
+
+
+@dataclass(frozen=True)
+class ReferenceOptions:
+    """How the reference resistors of a read-out board are measured.
+
+    Attributes:
+        known: Set the known resistance in ohm.
+        channels: Set the number of channels.
+        seconds: Set the time to average over in s.
+
+    Raises:
+        CalibrationError: A value is not valid.
+    """
+
+    known: Resistance
+    channels: Annotated[int, Meta(ge=1, le=16)] = 3
+    seconds: Annotated[float, Meta(ge=0.1, le=3600)] = 2.0
+
+    def __post_init__(self) -> None:
+        check_options(self, CalibrationError)
