@@ -12,10 +12,10 @@ from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...core.storage.files import write_json
 from ...store.layout import LayoutRecord
-from ...store.manifest import Manifest
+from ...store.manifest import END_NAMES, Manifest
 from ..html import write_page
 from ..pictures.part_pictures import exploded
-from .actions import ENDS, Action, ActionKind
+from .actions import Action, ActionKind
 from .joint_pictures import JointPictures
 from .pad_drawing import pad_picture
 from .steps import GuideStep, Passage, assembly_order, exploded_shifts, guide_steps
@@ -199,7 +199,7 @@ def _to_plain(action: Action, lines: tuple[str, ...]) -> dict[str, Any]:
     if action.cord is not None:
         plain["cord"] = action.cord
     if action.end is not None:
-        plain["end"] = ENDS[action.end]
+        plain["end"] = END_NAMES[action.end]
     if action.amount is not None:
         plain["mm"] = action.amount
     if action.expected:
