@@ -293,8 +293,8 @@ class ReadoutTable(Table, frozen=True):
         str | None,
         key(
             "Analog-to-digital converter: `ads1115` has 16 bits and one conversion a sample, on any"
-            " board; a board's own has 16 conversions a sample, of 10 bits (`arduino`, of `nano` and"
-            " `uno`), 12 bits (`pico`), or mV (`esp32`); its steps are part of the noise.",
+            " board; a board's own has 16 conversions a sample of 10 bits (`arduino`, on `nano` and"
+            " `uno`), 12 bits (`pico`) or mV (`esp32`); its steps are part of the noise.",
             default="the board's own",
             choices=CONVERTERS,
         ),

@@ -169,8 +169,8 @@ class Wiring:
             module = Terminal(PartKind.MODULE, number, VDD)
             yield Connection(module, self._board(self.board.converter_supply), Wire.SUPPLY)
             yield Connection(module._replace(pin=GND), self._board(self.board.ground), Wire.GROUND)
-            yield Connection(module._replace(pin=SDA), self._board(self.board.sda), Wire.I2C)
             yield Connection(module._replace(pin=SCL), self._board(self.board.scl), Wire.I2C)
+            yield Connection(module._replace(pin=SDA), self._board(self.board.sda), Wire.I2C)
             strap = module._replace(pin=ADS1115_STRAPS[number - 1][0])
             yield Connection(module._replace(pin=ADDR), strap, Wire.ADDRESS)
 

@@ -11,10 +11,11 @@ from collections.abc import Sequence
 from html import escape
 
 from ...core.device.boards import ADS1115_INPUTS, ADS1115_STRAPS, Board
+from ...store.manifest import END_NAMES
 from ..pictures.sheet import INK, SOFT, extent, shortened
 from .connections import ADDR, BANDS, GND, SCL, SDA, VDD, Channel, Wiring, color_code
 
-_FONT_PX, _TITLE_PX = 14, 18
+_FONT_PX, _TITLE_PX, _SMALL_PX = 14, 18, 12
 _SUPPLY_COLOR, _SIGNAL_COLOR = "#b3261e", "#00798c"
 _BOARD_FILL, _MODULE_FILL, _MODULE_EDGE, _RESISTOR_FILL = "#e6f1f4", "#eef6ea", "#66a182", "#f4e8d0"
 _MARGIN, _TOP = 30.0, 96.0  # of the picture; y of the wire from the supply pin
@@ -31,7 +32,7 @@ _RAIL_X, _RESISTOR_X, _JUNCTION_X, _CORD_X, _GROUND_X = (
 )
 _ZIGZAG_PX, _ZIGZAGS = 8.0, 8
 _NAME_PX = 190.0  # longest name of a cord
-_MODULE_WIDTH, _MODULE_GAP = 130.0, 28.0
+_MODULE_WIDTH, _MODULE_HEIGHT, _MODULE_GAP = 130.0, ADS1115_INPUTS * _ROW + 8, 24.0
 _MODULE_PIN, _MODULE_STEP = 66.0, 34.0  # first pin at the left, below the top; distance of pins
 _BUS_X, _BUS_STEP = 40.0, 24.0  # of the buses from the board
 _STRAP_PX = 14.0
@@ -134,7 +135,7 @@ def _board_width(wiring: Wiring) -> float:
 
 
 def _module_top(index: int) -> float:
-    return _TOP + 34 + index * (ADS1115_INPUTS * _ROW + _MODULE_GAP)
+    return _TOP + 34 + index * (_MODULE_HEIGHT + _MODULE_GAP)
 
 
 def _module_row(channel: int) -> float:
@@ -174,6 +175,8 @@ def _draw_channel(canvas: _Canvas, channel: Channel, pins: float, y: float, is_l
     canvas.wire(_zigzag(start, end, y), channel.color, 4)
     name = shortened(channel.cord, _NAME_PX, _FONT_PX, True)
     canvas.text((start + end) / 2, y - _LABEL_RISE - 2, name, "middle", is_bold=True)
+    for x, end_name in zip((end + ground, junction + start), END_NAMES, strict=True):
+        canvas.text(x / 2, y - 11, end_name, "middle", SOFT, _SMALL_PX)
     canvas.text(ground + 12, y, f"{channel.rest:.0f} Ω at rest", color=SOFT)
     for x in (rail, junction, ground):
         canvas.dot(x, y)
@@ -247,8 +250,7 @@ def _draw_modules(
 def _draw_module(canvas: _Canvas, index: int, at: _Point, heights: dict[str, float]) -> None:
     left, top = at
     strap, address = ADS1115_STRAPS[index]
-    height = ADS1115_INPUTS * _ROW
-    canvas.rectangle(at, (_MODULE_WIDTH, height), _MODULE_FILL, _MODULE_EDGE)
+    canvas.rectangle(at, (_MODULE_WIDTH, _MODULE_HEIGHT), _MODULE_FILL, _MODULE_EDGE)
     middle = left + _MODULE_WIDTH / 2
     canvas.text(middle, top + 16, "ADS1115", "middle", is_bold=True)
     canvas.text(middle, top + 34, f"0x{address:X}", "middle", SOFT)
