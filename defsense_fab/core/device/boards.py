@@ -89,7 +89,7 @@ class Board:
                 f"{cords} cords need {cords} channels, and {self.title} has {channels} with"
                 f" converter {converter!r}",
                 code="too-many-cords",
-                where="readout",
+                where="[readout]",
                 action=f"Use converter {ADS1115!r}, with up to {with_modules} channels"
                 if cords <= with_modules
                 else f"Use at most {with_modules} cords",

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+from math import ceil
 
 from ...core.device.boards import ADS1115_INPUTS, ADS1115_STRAPS, Board
 from ...store.manifest import END_NAMES
@@ -131,7 +132,7 @@ def _board_width(wiring: Wiring) -> float:
     else:
         labels += [c.pin for c in wiring.channels]
     widths = [extent(label, _FONT_PX)[0] + 20 for label in labels]
-    return max(150.0, extent(board.title, _FONT_PX, True)[0] + 20, *widths)
+    return float(ceil(max(150.0, extent(board.title, _FONT_PX, True)[0] + 20, *widths)))
 
 
 def _module_top(index: int) -> float:
