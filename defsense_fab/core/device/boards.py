@@ -9,6 +9,16 @@ from ..errors import DeviceError
 from ..storage.package_data import read_rows
 
 FILE = "boards.csv"
+#: Converters that read the resistances: full scale of a conversion (counts) and conversions per
+#: sample. ADS1115 is a module on I2C, the others belong to microcontrollers: 10 bits (ATmega328P
+#: datasheet), 12 bits (RP2040 datasheet) and, of ESP32, conversions calibrated to mV, 3300 at the
+#: supply of 3.3 V. Steps are noise, errors of linearity are not (ESP32 datasheet: 60 mV).
+CONVERTERS = {
+    "arduino": (1023, 16),
+    "ads1115": (40000, 1),
+    "pico": (4096, 16),
+    "esp32": (3300, 16),
+}
 #: Converter on modules of its own, which any board reads by I2C.
 ADS1115 = "ads1115"
 #: Analog inputs of one ADS1115.

@@ -13,10 +13,9 @@ from msgspec import Meta
 from ..errors import DeviceError
 from ..schema.declare import Count, Positive, Problem, Table, Vector, key, missing
 from ..schema.types import is_number
+from .boards import CONVERTERS, find_board
 from .boards import FILE as BOARDS
-from .boards import find_board
 from .device import (
-    CONVERTERS,
     DECODERS,
     PREFERENCES,
     BaySpec,

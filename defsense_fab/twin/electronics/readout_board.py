@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.device.device import CONVERTERS
+from ...core.device.boards import CONVERTERS
 from ...sensing.serial_frames import (
     MAX_COUNT,
     PROTOCOL,
@@ -54,7 +54,7 @@ class BoardTraits:
         "quantisation",
         "",
         "conversions are whole counts",
-        "ATmega328P and ADS1115 (core/device/device.py, CONVERTERS)",
+        "full scale of each converter (core/device/boards.py, CONVERTERS)",
         off=False,
     )
     own_noise: float = assume(

@@ -6,8 +6,7 @@ import re
 
 import pytest
 
-from defsense_fab.core.device.boards import FILE, find_board
-from defsense_fab.core.device.device import CONVERTERS
+from defsense_fab.core.device.boards import CONVERTERS, FILE, find_board
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.schema.options import options_of
