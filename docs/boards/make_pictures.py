@@ -9,21 +9,23 @@ from defsense_fab.core.device.boards import find_board
 from defsense_fab.report.pictures.sheet import COLORS
 from defsense_fab.report.wiring.connections import Channel, Wiring
 from defsense_fab.report.wiring.drawing import draw_wiring
+from defsense_fab.sensing.voltage_divider import choose_reference
 
 HERE = Path(__file__).parent
 NAMES = ("bottom", "neutral", "top", "left", "right")
+REST, HIGHEST = 1150.0, 1400.0  # of a cord, ohm
 
 
 def example(board, converter, cords):
-    """Return a wiring of some cords of 1150 ohm at rest and 1.1 kohm resistors."""
+    """Return a wiring of some cords of the same resistance."""
     place = find_board(board)
     channels = [
         Channel(
             name,
             COLORS[k],
-            1150.0,
-            1400.0,
-            1100.0,
+            REST,
+            HIGHEST,
+            choose_reference(REST, HIGHEST),
             k // 4 + 1 if converter == "ads1115" else 0,
             f"A{k % 4}" if converter == "ads1115" else place.pins[k],
         )
