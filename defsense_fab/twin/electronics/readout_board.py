@@ -13,8 +13,17 @@ from typing import TypeVar
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.device.device import CONVERTERS
-from ...sensing.serial_frames import MAX_COUNT, PROTOCOL, Info, Message, Sample, Text, encode
+from ...core.device.boards import CONVERTERS
+from ...sensing.serial_frames import (
+    MAX_COUNT,
+    PROTOCOL,
+    Info,
+    Message,
+    Sample,
+    Text,
+    converter_code,
+    encode,
+)
 from ...sensing.voltage_divider import REFERENCE_OHM, Dividers, conversion_time
 from ..scenes.assumptions import assume
 from .cords import DeviceCords, ReplayedCords, SpecimenTwin
@@ -45,7 +54,7 @@ class BoardTraits:
         "quantisation",
         "",
         "conversions are whole counts",
-        "ATmega328P and ADS1115 (core/device/device.py, CONVERTERS)",
+        "full scale of each converter (core/device/boards.py, CONVERTERS)",
         off=False,
     )
     own_noise: float = assume(
@@ -150,9 +159,9 @@ class ReadoutTwin:
         self._source, self._speed = source, speed
         self._offset, self._drift = offset, drift
         count = len(source.channels)
-        self._converter = list(CONVERTERS).index(converter)
+        self._converter = converter_code(converter)
         full_scale, averages = CONVERTERS[converter]
-        if self._converter:  # the board's own converter reports 1024
+        if converter != "arduino":  # which reports 1024
             self.full_scale = full_scale
         self._dividers = Dividers(np.broadcast_to(reference, (count,)), self.full_scale)
         self._settings = {"channels": count, "average": averages, "rate": 50, "led": 1000}
