@@ -12,10 +12,11 @@ FILE = "boards.csv"
 #: Converters that read the resistances: full scale of a conversion (counts) and conversions per
 #: sample. ADS1115 is a module on I2C, the others belong to microcontrollers: 10 bits (ATmega328P
 #: datasheet), 12 bits (RP2040 datasheet) and, of ESP32, conversions calibrated to mV, 3300 at the
-#: supply of 3.3 V. Steps are noise, errors of linearity are not (ESP32 datasheet: 60 mV).
+#: supply of 3.3 V. Dividers on ADS1115 use 3.3 V of its range of 4.096 V. Steps are noise, errors
+#: of linearity are not (ESP32 datasheet: 60 mV).
 CONVERTERS = {
     "arduino": (1023, 16),
-    "ads1115": (40000, 1),
+    "ads1115": (26400, 1),
     "pico": (4096, 16),
     "esp32": (3300, 16),
 }

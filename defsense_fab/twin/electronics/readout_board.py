@@ -15,7 +15,6 @@ import numpy as np
 from ...core.arrays import Float, Int
 from ...core.device.boards import CONVERTERS
 from ...sensing.serial_frames import (
-    MAX_COUNT,
     PROTOCOL,
     Info,
     Message,
@@ -265,8 +264,6 @@ class ReadoutTwin:
         self._sampled_until += step
         averages = self._settings["average"]
         counts = self._dividers.counts(ohm)[: self._settings["channels"]]
-        if self._converter:  # its range ends below the supply voltage
-            counts = np.minimum(counts, MAX_COUNT)
         sums = np.round(counts * averages).astype(int)
         if self._is_framed:
             # Like the firmware: the time of the middle of the conversions, and the state of the

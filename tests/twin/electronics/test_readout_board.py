@@ -42,7 +42,7 @@ def test_values_are_continuous_without_steps():
 
 @pytest.mark.parametrize(
     ("converter", "code", "full_scale"),
-    [("arduino", 0, 1024), ("pico", 0, 4096), ("esp32", 0, 3300), ("ads1115", 1, 40000)],
+    [("arduino", 0, 1024), ("pico", 0, 4096), ("esp32", 0, 3300), ("ads1115", 1, 26400)],
 )
 def test_boards_describe_their_converter(converter, code, full_scale):
     cords = SpecimenTwin(CordTraits(Response.line(2.0)), np.random.default_rng(0))
