@@ -1,5 +1,7 @@
 """The example programs that receive outputs run unchanged."""
 
+import json
+import os
 import runpy
 import subprocess
 import sys
@@ -26,7 +28,7 @@ from defsense_fab.runtime.outputs.settings import (
     WebSocketSettings,
 )
 from defsense_fab.runtime.outputs.websocket_output import WebSocketOutput
-from tests.runtime.live_frames import frame
+from tests.runtime.live_frames import frame, wait_for
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "live"
 ORGAN = EXAMPLES.parent / "organ-pipe"
@@ -90,47 +92,112 @@ def test_osc_receiver(run):
     output.close()
 
 
-def test_blender_markers(monkeypatch):
-    """Blender is replaced by the few functions that the script uses."""
-    objects, timers, namespace = {}, [], {}
-
-    class Scene(dict):
-        collection = SimpleNamespace(objects=SimpleNamespace(link=lambda o: None))
-
-    def new(name, data):
-        assert data is None  # an empty
-        objects[name] = SimpleNamespace()
-        return objects[name]
-
-    blender = SimpleNamespace(
-        app=SimpleNamespace(
-            driver_namespace=namespace, timers=SimpleNamespace(register=timers.append)
-        ),
-        context=SimpleNamespace(scene=Scene()),
-        data=SimpleNamespace(objects=SimpleNamespace(get=objects.get, new=new)),
-    )
-    monkeypatch.setitem(sys.modules, "bpy", blender)
-    code = (EXAMPLES / "blender_markers.py").read_text(encoding="utf-8")
-    for _ in range(2):  # run again, the first one's timer ends
-        exec(code.replace("PORT = 9000", "PORT = 0"), {})
-    (first, step), scene = timers, blender.context.scene
-    assert first() is None
-    output = OscOutput(
-        OscSettings(port=namespace["defsense"].getsockname()[1], send=("controls", "markers"))
-    )
-    sent = frame(1)
-    for _ in range(200):
-        output.send(sent)
-        assert step() > 0
-        if objects and "bar twist" in scene:
-            break
-        threading.Event().wait(0.02)
+@pytest.mark.peer
+def test_blender_addon_records_keyframes():
+    """In Blender's own Python module (`pip install bpy`), which PEER_PYTHON has."""
+    python = os.environ.get("PEER_PYTHON", sys.executable)
+    if subprocess.run([python, "-c", "import bpy"], capture_output=True).returncode:
+        pytest.skip("PEER_PYTHON has no bpy")
+    here = Path(__file__).parent
+    words = [here / "blender_take.py", EXAMPLES / "blender_addon.py", 20]
+    blender = subprocess.Popen([python, *map(str, words)], stdout=subprocess.PIPE, text=True)
+    port = next(int(line.split()[1]) for line in blender.stdout if line.startswith("port "))
+    output = OscOutput(OscSettings(port=port, send=("controls", "markers")))
+    number = 0
+    while blender.poll() is None and number < 5000:
+        number += 1
+        bend = 0.5 * np.sin(0.1 * number)
+        output.send(frame(number, controls={"bend": bend}, markers=frame().markers + number))
+        threading.Event().wait(0.01)
     output.close()
-    namespace["defsense"].close()
-    assert scene["bar twist"] == pytest.approx(-0.5)
-    for number, place in zip(sent.ids, sent.markers, strict=True):
-        at = objects[f"bar marker {number}"].location
-        assert at == pytest.approx(place / 1000, abs=1e-6)
+    result = json.loads(blender.stdout.read().splitlines()[-1])
+    blender.stdout.close()
+    assert "cannot be opened" in result["refused"]
+    assert len(result["actions"]) == 8  # two takes of three markers and the controls
+    assert result["end"] >= 11
+    for curves in result["takes"]:
+        by_path = {(name, path, axis): keys for name, path, axis, keys, _ in curves}
+        assert set(by_path) == {
+            *(("bar marker 1", "location", axis) for axis in range(3)),
+            ("bar", '["bend"]', 0),
+        }
+        assert {kind for *_, kinds in curves for kind in kinds} == {"LINEAR"}
+        for keys in by_path.values():
+            assert len(keys) >= 20
+            assert keys[0][0] == 11
+        # Keyframes keep the device's time: 0.01 s from frame to frame are 0.24 frames of Blender.
+        frames, x = np.array(by_path["bar marker 1", "location", 0]).T
+        numbers = x / 1e-3 - frame().markers[1, 0]
+        assert frames - 11 == pytest.approx(0.24 * (numbers - numbers[0]), abs=1e-3)
+        assert np.array(by_path["bar", '["bend"]', 0])[:, 1] == pytest.approx(
+            0.5 * np.sin(0.1 * numbers), abs=1e-3
+        )
+
+
+def test_blender_addon_collects_keyframes_at_the_times_of_the_device(monkeypatch):
+    """Without Blender: the part of the add-on that reads the port."""
+    types = SimpleNamespace(Operator=object, Panel=object)
+    monkeypatch.setitem(sys.modules, "bpy", SimpleNamespace(types=types))
+    receiver = runpy.run_path(str(EXAMPLES / "blender_addon.py"))["Receiver"](0)
+    port = receiver.socket.getsockname()[1]
+    output = OscOutput(OscSettings(port=port, send=("controls", "markers")))
+    receiver.record(11, 24.0)
+    for number in (1, 2, 2, 5, 4):  # one twice, and one too late
+        output.send(frame(number))
+    output.close()
+    last = 11 + 4 * 0.24
+
+    def has_last():
+        receiver.read()
+        keys = receiver.takes["bar"].keys if receiver.takes else {}
+        return any(at == pytest.approx(last) for at, _ in keys.get(("bar", '["twist"]', 0), ()))
+
+    assert wait_for(has_last)
+    receiver.socket.close()
+    keys = receiver.stop_recording()["bar"].keys
+    frames = [11, 11 + 0.24, last]
+    assert [at for at, _ in keys["bar", '["twist"]', 0]] == pytest.approx(frames)
+    x = [value for _, value in keys["bar marker 1", "location", 0]]
+    assert x == pytest.approx([frame().markers[1, 0] / 1000] * 3)
+
+
+def test_mpe_player(tmp_path):
+    """Each note has a channel of its own, which knows its dimensions before the note starts."""
+    output = WebSocketOutput(WebSocketSettings(port=0))
+    path = tmp_path / "take.mid"
+    words = ["--url", f"ws://127.0.0.1:{output.port}/", "--file", path, "--seconds", 3]
+    player = subprocess.Popen(
+        [sys.executable, str(EXAMPLES / "mpe_player.py"), *map(str, words), "--bend", "twist"]
+    )
+    number = 0
+    while player.poll() is None and number < 10_000:
+        number += 1
+        bend = abs(np.sin(0.05 * number))
+        controls = {"bend": bend, "pull": 1 - bend, "twist": 0.5}
+        output.send(frame(number, controls=controls, confidence=dict.fromkeys(controls, 0.9)))
+        threading.Event().wait(0.01)
+    output.close()
+    assert player.returncode == 0
+    messages = [m for m in mido.MidiFile(path) if not m.is_meta]
+    zone = [(m.control, m.value) for m in messages[:3]]
+    assert zone == [(101, 0), (100, 6), (6, 2)]
+    known, sounding, played = {}, {}, set()
+    for message in messages[3:]:
+        assert message.channel in (1, 2)
+        if message.type == "note_on":
+            assert message.channel not in sounding
+            assert known[message.channel] == {"pitchwheel", "control_change", "aftertouch"}
+            sounding[message.channel] = message.note
+            played.add((message.channel, message.note))
+        elif message.type == "note_off":
+            assert sounding.pop(message.channel) == message.note
+        else:
+            known.setdefault(message.channel, set()).add(message.type)
+    assert not sounding
+    assert played == {(1, 48), (2, 55)}
+    pitches = {m.pitch for m in messages if m.type == "pitchwheel"}
+    assert pitches == {round(8191 / 48)}  # half of two semitones
+    assert max(m.value for m in messages if m.type == "aftertouch") > 120
 
 
 def test_websocket_client(run):
