@@ -77,8 +77,8 @@ class Reader:
 
         Raises:
             CaptureError: If the port is absent or busy, or if the board is silent, has other
-                firmware or refuses a setting; for boards with Wi-Fi, if the host is not known, the
-                board is not paired, or its key differs.
+                firmware, refuses a setting or is disconnected; for boards with Wi-Fi, if the host
+                is not known, the board is not paired, or its key differs.
         """
         self._port = self._opener()
         try:
@@ -86,6 +86,14 @@ class Reader:
             self._put(Event(self._last_sample_ns, "start", self._start_data(info)))
             for sample, now in early_samples:
                 self._receive(sample, now)
+        except OSError as error:
+            self._close_port()
+            raise CaptureError(
+                f"the connection to the board ended ({error})",
+                code="port-disconnected",
+                where=self.name,
+                action="Check that the board is on and connected, and try again",
+            ) from None
         except BaseException:
             self._close_port()
             raise
@@ -210,7 +218,8 @@ class Reader:
                 continue
             limit_ns = self._silence_limit_ns()
             if time.monotonic_ns() - self._last_sample_ns > limit_ns:
-                self._start_gap(f"silent: no sample for {limit_ns / 1e9:g} s; was it reset?")
+                question = "was it reset?" if self.board is None else "is it on and in reach?"
+                self._start_gap(f"silent: no sample for {limit_ns / 1e9:g} s; {question}")
                 continue
             for data, arrived_ns in chunks:
                 self._decode(data, arrived_ns)

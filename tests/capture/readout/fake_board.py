@@ -117,6 +117,7 @@ class FakeBoard:
         self._rng = random.Random(seed)
         self._peer, self._buffer, self._delayed, self._count = None, b"", [], 0
         self.boots, self.genuine, self.repeated = [], [], 0
+        self.network_is_down = False
         self._silent_until, self.hellos = 0.0, 0
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._boot()
@@ -218,7 +219,7 @@ class FakeBoard:
             self._handle(cobs.decode(packet), None)
 
     def _handle(self, data, address):
-        if len(data) < 23 or data[:2] != b"\xd5\x01":
+        if len(data) < 23 or data[:2] != b"\xd5\x01" or self.network_is_down:
             return
         kind, body = data[2:3], data[3:-16]
         if kind == b"H" and data[-16:] == bytes(16) and len(body) == 32:
@@ -311,7 +312,7 @@ class FakeBoard:
         return bool(delays)
 
     def _put(self, data):
-        if self._peer is None:
+        if self._peer is None or self.network_is_down:
             return
         try:
             if self._is_udp:

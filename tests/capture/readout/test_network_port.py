@@ -394,3 +394,20 @@ def test_commands_may_come_from_another_thread():
             sender.join(120)
         infos = lambda: sum(isinstance(i, Event) and i.kind == "info" for i in sink.items)  # noqa: E731
         wait_until(lambda: infos() >= 60)
+
+
+@pytest.mark.parametrize("scheme", ["udp", "tcp"])
+def test_access_point_that_drops(scheme):
+    """It is one gap without a restart, and the counter shows what was lost meanwhile."""
+    sink = Sink()
+    with FakeBoard(scheme) as board, reader_of(board.url, sink) as reader:
+        wait_until(lambda: reader.statistics.samples > 10)
+        board.network_is_down = True
+        wait_until(lambda: "gap" in sink.kinds())
+        seen = reader.statistics.samples
+        board.network_is_down = False
+        wait_until(lambda: reader.statistics.samples > seen + 10)
+        reader.close()
+        check_counts(board, sink, reader.statistics)
+        assert reader.statistics.lost > 50
+    assert sink.kinds() == ["start", "gap", "resumed"]
