@@ -112,21 +112,27 @@ class _Scores:
         return out
 
 
-def assign_cords(cords: Sequence[ExpectedCord], evidence: Evidence) -> Assignment:
+def assign_cords(cords: Sequence[ExpectedCord], evidence: Evidence, usable: Bool) -> Assignment:
     """Find the cord that each channel reads.
 
     Args:
         cords: The cords in the expected order of the channels.
         evidence: What the readings say.
+        usable: Which channels (c,) can be exchanged with others: an open channel cannot show which
+            cord it reads.
 
     Returns:
         The expected order, unless another one is decisively more likely than it.
     """
     scores, expected = _Scores(cords, evidence), np.arange(len(cords))
+    free = np.flatnonzero(usable)
     candidates = [expected]
-    candidates += [linear_sum_assignment(-scores.matrix(x))[1] for x in _EXTENTS]
-    for i, j in combinations(range(len(cords)), 2):
-        candidates.append(_exchange(expected, i, j))
+    for extent in _EXTENTS:
+        order = expected.copy()
+        costs = -scores.matrix(extent)[np.ix_(free, free)]
+        order[free] = free[linear_sum_assignment(costs)[1]]
+        candidates.append(order)
+    candidates += [_exchange(expected, i, j) for i, j in combinations(free, 2)]
     best = max(candidates, key=scores.total)
     ratio = scores.total(best) - scores.total(expected)
     if ratio <= DECISIVE:

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...core.arrays import Float, Int
+from ...core.arrays import Bool, Float
 from ...sensing.serial_frames import MAX_COUNT
-from .assignment import DECISIVE, Assignment, Evidence, assign_cords, wire_reactions
+from .assignment import Assignment, Evidence, assign_cords, wire_reactions
 from .channel_texts import finding
 from .mains import Hum, fit_hum
 from .records import BoardSetup, ExpectedCord, Finding, Phase
@@ -32,9 +32,9 @@ _RESISTOR_RTOL = 0.05
 #: Share of samples without a value from which a channel counts as not read; a damaged frame is
 #: dropped as a whole, so that a sound channel has none.
 _MAX_MISSING_SHARE = 0.01
-#: A channel is noisy above this multiple of the expected noise: errors of the decoder are then
-#: three times as large.
-_NOISE_FACTOR = 3.0
+#: A channel is noisy above this multiple of the expected noise: errors of the decoder by noise
+#: are then twice as large.
+_NOISE_FACTOR = 2.0
 #: Hum matters from this share of the expected noise of a sample; below, noise dominates.
 _HUM_SHARE, _HUM_FALSE_ALARM = 0.5, 1e-6
 #: Steps between samples beyond this many standard deviations are jumps: one in 5e8 by chance.
@@ -42,8 +42,9 @@ _JUMP_SIGMAS, _MIN_JUMPS = 6.0, 3
 #: Standard deviation of one conversion, counts: the noise of the converter and of rounding.
 _CONVERSION_NOISE = float(np.hypot(0.5, np.sqrt(1 / 12)))
 _REACTION_S = 0.05  # blocks of samples whose means show slow changes
-#: Connected channels differ by less than this share of the supply: two counts of 10 bits.
-_EQUAL_SHARE = 0.002
+#: Connected channels differ by less than this share of the supply: half a count of 10 bits, which
+#: averages resolve.
+_EQUAL_SHARE = 0.0005
 _EQUAL_CORRELATION = 0.8  # of the noise of two channels that are connected
 
 
@@ -233,9 +234,9 @@ class _Diagnosis:
                 change = held / self._ohm - 1
             changes[pose.subject] = np.where(usable & is_inside, change, np.nan)
         evidence = Evidence(ohm, changes, self._reactions(usable), rest_deviation(self._cords))
-        return assign_cords(self._cords, evidence)
+        return assign_cords(self._cords, evidence, usable)
 
-    def _reactions(self, usable: Int) -> Float:
+    def _reactions(self, usable: Bool) -> Float:
         """Return the evidence (k, c) of the wires that were moved."""
         out = np.zeros((self._count, self._count))
         if not self._wiggles:
@@ -265,6 +266,3 @@ def _slow_spread(phase: Phase) -> Float:
     filled = np.nan_to_num(blocks)
     rest = filled - x @ np.linalg.lstsq(x, filled, rcond=None)[0]
     return np.array([_robust_deviation(r) for r in rest.T])
-
-
-__all__ = ["DECISIVE", "diagnose", "rest_deviation"]

@@ -20,7 +20,9 @@ _DRAWS, _DRAW_SEED = 24, 5  # of built cords per cord, for the scatter of their 
 #: Share of a signal that the memory of a cord adds or lacks after some seconds in a pose: the
 #: larger one of the relaxing shares that `twin/electronics` assumes for cords.
 _MEMORY_SHARE = 0.16
-#: Smallest deviation of a change, (R - R0)/R0: play, drift and joints within half a minute.
+#: Share of a cord's largest signal that earlier motion leaves in any pose (play and relaxation).
+_REMANENCE_SHARE = 0.05
+#: Smallest deviation of a change, (R - R0)/R0: drift and joints within half a minute.
 _CHANGE_FLOOR = 0.004
 
 
@@ -82,9 +84,8 @@ def _pose_changes(device: Device, build: Build) -> dict[str, Mapping[str, Change
             draws.append(own.signals(cord, cord.path + moved))
         signals: Float = np.array(draws)
         mean = signals.mean(axis=0)
-        deviation = np.sqrt(
-            signals.var(axis=0) + (_MEMORY_SHARE * mean) ** 2 + _CHANGE_FLOOR**2
-        )
+        memory = (_MEMORY_SHARE * mean) ** 2 + (_REMANENCE_SHARE * np.abs(mean).max()) ** 2
+        deviation = np.sqrt(signals.var(axis=0) + memory + _CHANGE_FLOOR**2)
         out[record.name] = {
             name: Change(float(m), float(d))
             for name, m, d in zip(full, mean, deviation, strict=True)
