@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...capture.readout.reader import Reader, ReadoutSettings
 from ...core.arrays import Float, Int
 from ...core.device.device import CONVERTERS, Device
 from ...core.errors import CaptureError
@@ -25,7 +24,6 @@ from ..electronics.cords import CordFault, CordTraits, DeviceCords
 from ..electronics.fault_words import parse_faults
 from ..electronics.readout_board import ReadoutTwin
 from ..electronics.wiring import WIRING_KINDS, Wiring, WiringTraits
-from ..options import TWIN
 
 _ARDUINO_FULL_SCALE = 1024
 _HAND_TIME_S = 0.25  # in which a hand reaches a pose
@@ -199,11 +197,6 @@ class WiringTwin:
             converter=self._device.converter,
             wiring=self._wiring,
         )
-
-    def open_reader(self, settings: ReadoutSettings) -> Reader:
-        """Return a source of the samples of the read-out board."""
-        board = self.board()
-        return Reader(lambda: board, TWIN, settings)
 
     def record(
         self, kind: str, subject: str, seconds: float, rate: int, averages: int, lead: float
