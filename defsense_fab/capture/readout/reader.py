@@ -98,7 +98,8 @@ class Reader:
     Args:
         opener: Opens the transport; called again after a gap.
         name: Name of the source in messages, such as its port.
-        settings: Settings requested from the board; by default it keeps its own.
+        settings: Settings requested from the board, or a function that chooses them by the board's
+            first description of itself; by default the board keeps its own.
         keep_items: Whether items wait for `drain`; otherwise only the sink receives them.
 
     Attributes:
@@ -109,12 +110,13 @@ class Reader:
         self,
         opener: Callable[[], Transport],
         name: str,
-        settings: ReadoutSettings | None = None,
+        settings: ReadoutSettings | Callable[[Info], ReadoutSettings] | None = None,
         *,
         keep_items: bool = True,
     ) -> None:
         self.name = name
-        self._opener, self._settings = opener, settings or ReadoutSettings()
+        self._opener, self._choose = opener, settings if callable(settings) else None
+        self._settings = ReadoutSettings() if settings is None or callable(settings) else settings
         self._keep_items = keep_items
         self._items: deque[StampedSample | Event] = deque()
         self._dropped = self._dropped_since_drain = 0
@@ -246,11 +248,13 @@ class Reader:
             for message in self._stream.feed(data):
                 if isinstance(message, Info):
                     self._check(message)
+                    if self._choose is not None:
+                        self._settings, self._choose = self._choose(message), None
                     info, sent_at = message, 0.0
                     next_command = self._settings.next_command(info)
                     is_set_up, command = next_command is None, next_command or command
                 elif isinstance(message, Sample):
-                    if self._settings.fits(message):
+                    if self._choose is None and self._settings.fits(message):
                         early_samples.append((message, now))
                 elif isinstance(message, Text) and info is not None:
                     raise CaptureError(

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from ...calibration.options import BoardOptions as BoardOptions
-from ...core.errors import CalibrationError
+from ...core.errors import CalibrationError, CaptureError
 from ...core.schema.options import check_options
 from ...sensing.voltage_divider import Resistance
 
@@ -54,3 +54,25 @@ class WiringOptions:
 
     def __post_init__(self) -> None:
         check_options(self)
+
+
+@dataclass(frozen=True)
+class CheckOptions:
+    """How the wiring of a device is checked.
+
+    Attributes:
+        reference: Set the reference resistors of the channels in ohm, or one for all (default:
+            those that the build proposes).
+        wiggle: Move the wire of each cord in turn, which finds loose contacts.
+        poses: Hold poses, if only they show which cord is connected to which pin.
+
+    Raises:
+        CaptureError: A value is not valid.
+    """
+
+    reference: tuple[Resistance, ...] | None = None
+    wiggle: bool = True
+    poses: bool = True
+
+    def __post_init__(self) -> None:
+        check_options(self, CaptureError)
