@@ -1,8 +1,8 @@
 #!/bin/sh
 # The CAD kernels and the picture renderer load libGL.so.1, and setup.py needs a C compiler and the headers
 # of Python; bare Debian and Ubuntu lack them.
-# "setup-system.sh test" also installs the AVR compiler and simulator for the tests of the firmware and a
-# browser for those of the studio, which are skipped where they cannot be installed.
+# "setup-system.sh test" also installs the AVR compiler and simulator for the tests of the firmware, a browser
+# for those of the studio and Graphviz for those of the wiring, which are skipped without them.
 set -eu
 [ "$(uname -s)" = Linux ] || exit 0
 PATH="$PATH:/sbin:/usr/sbin"
@@ -17,7 +17,7 @@ if [ "${1:-}" = test ]; then
     for pair in /usr/bin/avr-gcc:gcc-avr \
         /usr/lib/avr/include/avr/io.h:avr-libc /usr/share/arduino/hardware/arduino/avr:arduino-core-avr \
         /usr/include/simavr/sim_avr.h:libsimavr-dev /usr/include/libelf.h:libelf-dev \
-        /usr/bin/chromium:chromium; do
+        /usr/bin/chromium:chromium /usr/bin/dot:graphviz; do
         [ -e "${pair%%:*}" ] || wanted="$wanted ${pair##*:}"
     done
 fi
@@ -30,10 +30,10 @@ elif [ -n "$needed" ]; then
     echo "Packages of the system are missing. Type:  sudo apt-get install$needed" >&2
     exit 1
 else
-    echo "Tests of the firmware and in a browser will be skipped. For them type:  sudo apt-get install$wanted" >&2
+    echo "Tests of the firmware, in a browser or with Graphviz will be skipped. For them type:  sudo apt-get install$wanted" >&2
     exit 0
 fi
 $apt_get update -q
 [ -z "$needed" ] || $apt_get install -y -q --no-install-recommends $needed
 [ -z "$wanted" ] || $apt_get install -y -q --no-install-recommends $wanted ||
-    echo "Tests of the firmware and in a browser will be skipped: not installed:$wanted" >&2
+    echo "Tests of the firmware, in a browser or with Graphviz will be skipped: not installed:$wanted" >&2

@@ -55,6 +55,11 @@ def write_page(path: Path, template: str, **values: Any) -> None:
         write_text(path, render(template, **values))
 
 
+def as_svg_image(svg: str) -> str:
+    """Return the text of an SVG file as a data URI."""
+    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode("utf-8")).decode("ascii")
+
+
 def as_image(figure: Any) -> str:
     """Return a matplotlib figure as a PNG data URI."""
     data = io.BytesIO()

@@ -17,7 +17,8 @@ import numpy as np
 
 from ..core.arrays import Float
 from ..core.curve import arc_lengths
-from ..core.device.device import CONVERTERS, Device
+from ..core.device.boards import CONVERTERS
+from ..core.device.device import Device
 from ..core.machine import kernels
 from .response import Response, build_response, cord_signals, mean_strain
 

@@ -13,6 +13,7 @@ import numpy as np
 from cobs import cobs
 
 from ..core.arrays import Float
+from ..core.device.boards import ADS1115
 
 PROTOCOL = 1
 #: Sum of a channel that could not be read.
@@ -96,6 +97,11 @@ class Text:
 
 
 Message = Sample | Info | Text
+
+
+def converter_code(converter: str) -> int:
+    """Return the `converter` of an `Info` for the name of a converter in `CONVERTERS`."""
+    return int(converter == ADS1115)
 
 
 def encode(message: Message) -> bytes:

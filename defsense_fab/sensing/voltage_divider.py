@@ -14,6 +14,7 @@ import numpy as np
 from msgspec import Meta
 
 from ..core.arrays import Bool, Float
+from ..core.device.boards import ADS1115_INPUTS
 from ..core.errors import CaptureError
 
 #: Reference resistors of voltage dividers whose resistors are not known, ohm.
@@ -30,8 +31,7 @@ E24 = (
 #: Time of a conversion by the converters 0 and 1, including the work between two, s. Measured with
 #: the firmware in simulation (16 MHz).
 _CONVERSION_S = (0.124e-3, 1.84e-3)
-_INPUTS_PER_CHIP = 4  # of converter 1; its chips convert at the same time
-_ADDED_CHIP_S = 0.37e-3  # that every further chip adds to a conversion
+_ADDED_CHIP_S = 0.37e-3  # that every further ADS1115 adds to a conversion, all at the same time
 
 
 @dataclass(frozen=True)
@@ -179,6 +179,6 @@ def conversion_time(converter: int, channels: int, averages: int) -> float:
     """
     if converter == 0:
         return _CONVERSION_S[0] * channels * averages
-    chips = -(-channels // _INPUTS_PER_CHIP)
+    chips = -(-channels // ADS1115_INPUTS)
     each = _CONVERSION_S[1] + _ADDED_CHIP_S * (chips - 1)
-    return each * min(channels, _INPUTS_PER_CHIP) * averages
+    return each * min(channels, ADS1115_INPUTS) * averages

@@ -20,6 +20,8 @@ from .layout import Prediction
 from .traces import TraceRecord as TraceRecord
 
 FOLDER, MANIFEST = "parts", "parts/manifest.json"
+#: Names of a cord's ends, in their order in the records.
+END_NAMES = ("start", "end")
 
 
 def load_part(path: Path) -> Surface:

@@ -8,6 +8,7 @@ board = command("board", help="Set up, check and read the board that measures th
 _COMMANDS = (
     ("ports", "ports", "List serial ports and show what a read-out board reads"),
     ("reference", "ports", "Measure the reference resistors with a known resistor"),
+    ("wiring", "wiring", "Draw how the cords of a built device are connected to a board"),
 )
 for _order, (_name, _module, _text) in enumerate(_COMMANDS):
     board.command(f"{__package__}.{_module}:{_name}", name=_name, help=_text, sort_key=_order)

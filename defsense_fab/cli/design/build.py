@@ -106,6 +106,7 @@ report = _stage_command("report", "report")
 
 
 def _print_result(result: BuildResult, device: Device) -> None:
+    from ...workflow.board.wiring import plan_if_possible
     from ...workflow.build.load_cases import describe_states
     from ...workflow.build.results import has_layout, has_parts, has_poses
 
@@ -129,6 +130,7 @@ def _print_result(result: BuildResult, device: Device) -> None:
         print_lines(f"force: {pose.describe()}" for pose in results.forces.poses)
     if has_parts(results):
         _print_parts(results.manifest)
+        print_lines(f"note: {note}" for note in plan_if_possible(device, results.manifest)[1])
 
 
 def _describe_mesh(mesh: MeshRecord) -> list[str]:

@@ -267,9 +267,6 @@ class CordSpec:
         return "cord" if self.trace is None else "trace"
 
 
-#: Converters that read the resistances: full scale of a conversion (counts) and conversions per
-#: sample.
-CONVERTERS = {"arduino": (1023, 16), "ads1115": (40000, 1)}
 #: A cord slides in its channel between ends that hold it, or is glued along its whole length.
 ASSEMBLIES = ("held", "bonded")
 #: Parts are printed, or cast in molds that are printed.
@@ -396,6 +393,7 @@ class Device:
         decoder: Map from readings to positions, a name in `DECODERS`, or "auto".
         prefer: Preference among layouts of similar quality, a name in `PREFERENCES`.
         converter: Converter that reads the cords, a name in `CONVERTERS`.
+        board: Board that the cords are connected to, a name in `data/boards.csv`.
         seed: Seed of the random choices of the search for cords.
         searches: Largest number of searches; None for the number that the cords need.
         exits: Names of the regions in which wires leave the body; empty for anywhere.
@@ -419,6 +417,7 @@ class Device:
     decoder: str
     prefer: str = "simple"
     converter: str = "arduino"
+    board: str = "nano"
     seed: int = 1
     searches: int | None = None
     exits: tuple[str, ...] = ()

@@ -10,15 +10,18 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from ..errors import DeviceError
 from ..schema.declare import Count, Positive, Problem, Table, Vector, key, missing
 from ..schema.types import is_number
+from .boards import CONVERTERS, find_board
+from .boards import FILE as BOARDS
 from .device import (
-    CONVERTERS,
     DECODERS,
     PREFERENCES,
     BaySpec,
     BodyKind,
     BodySpec,
+    Device,
     MeshSpec,
     OutputsSpec,
 )
@@ -278,14 +281,35 @@ class OutputsTable(Table, frozen=True):
 class ReadoutTable(Table, frozen=True):
     """What measures the cords."""
 
-    converter: Annotated[
+    board: Annotated[
         str,
         key(
-            "Analog-to-digital converter: `arduino` has 10 bits and 16 conversions a sample,"
-            " `ads1115` 16 bits and one; its steps are part of the noise.",
+            "Board that the cords are connected to (`docs/boards.md`): the wiring is drawn for it.",
+            choices=BOARDS,
+        ),
+    ] = Device.board
+    converter: Annotated[
+        str | None,
+        key(
+            "Analog-to-digital converter: `ads1115` has 16 bits and one conversion a sample, on any"
+            " board; a board's own has 16 conversions a sample of 10 bits (`arduino`, on `nano` and"
+            " `uno`), 12 bits (`pico`) or mV (`esp32`); its steps are part of the noise.",
+            default="the board's own",
             choices=CONVERTERS,
         ),
-    ] = next(iter(CONVERTERS))
+    ] = None
+
+    def check(self) -> Iterator[Problem]:
+        """Yield a problem if the board does not have the converter."""
+        try:
+            find_board(self.board).check_converter(self.used_converter)
+        except DeviceError as error:
+            yield Problem(("converter",), error.problem, error.code, error.action, error.data)
+
+    @property
+    def used_converter(self) -> str:
+        """The converter, which is the board's own if none is given."""
+        return self.converter or find_board(self.board).converter
 
 
 class WiresTable(Table, frozen=True):

@@ -11,9 +11,6 @@ from graphlib import CycleError, TopologicalSorter
 
 from ...core.errors import FabricationError
 
-#: Names of a cord's ends, as `guide.json` has them.
-ENDS = ("start", "end")
-
 
 class ActionKind(StrEnum):
     """Kind of an action; the values are those of `guide.json`."""

@@ -12,18 +12,35 @@ from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...core.storage.files import write_json
 from ...store.layout import LayoutRecord
-from ...store.manifest import Manifest
-from ..html import write_page
+from ...store.manifest import END_NAMES, Manifest
+from ..html import as_svg_image, write_page
 from ..pictures.part_pictures import exploded
-from .actions import ENDS, Action, ActionKind
+from ..wiring.connections import Wiring
+from ..wiring.drawing import draw_wiring
+from .actions import Action, ActionKind
 from .joint_pictures import JointPictures
-from .pad_drawing import pad_picture
+from .pad_drawing import draw_pad
 from .steps import GuideStep, Passage, assembly_order, exploded_shifts, guide_steps
-from .tables import GuideTable, guide_checks, guide_tables
+from .tables import GuideTable, guide_checks, guide_tables, wiring_tables
 from .template_pages import write_templates
 from .templates import CordTemplate, FaceTemplate, cord_templates, face_template
 
 _SCHEMA = 1  # version of the format of guide.json
+
+
+@dataclass(frozen=True)
+class WiringSection:
+    """How the cords are connected to the board.
+
+    Attributes:
+        drawing: The drawing as a data URI.
+        tables: Tables of the wires of each cord, and of all other wires.
+        notes: What to know about the wiring, as sentences.
+    """
+
+    drawing: str
+    tables: tuple[GuideTable, GuideTable]
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -42,6 +59,7 @@ class Guide:
         strips: Templates of the cords at 1:1.
         faces: Templates of the joints' faces at 1:1.
         forces: A line on the force of each pose.
+        wiring: How the cords are connected; None if the board cannot read them.
     """
 
     device: str
@@ -55,6 +73,7 @@ class Guide:
     strips: tuple[CordTemplate, ...]
     faces: tuple[FaceTemplate, ...]
     forces: tuple[str, ...] = ()
+    wiring: WiringSection | None = None
 
     @property
     def title(self) -> str:
@@ -69,6 +88,7 @@ def assembly_guide(
     parts: Mapping[str, Surface],
     frame: Float,
     notes: Sequence[str],
+    wiring: Wiring | None = None,
 ) -> Guide:
     """Return the assembly guide of a device, with its pictures.
 
@@ -78,7 +98,8 @@ def assembly_guide(
         manifest: The manifest of its parts.
         parts: Surfaces of its parts, by name.
         frame: Axes (3, 3) to the right, up and towards the viewer, one a row.
-        notes: Warnings about its poses.
+        notes: Warnings about its poses and its board.
+        wiring: Its wiring; None if the board cannot read all cords.
 
     Returns:
         The guide.
@@ -115,7 +136,13 @@ def assembly_guide(
         checks=guide_checks(manifest),
         strips=() if manifest.traces else cord_templates(device, manifest),
         faces=tuple(face for face in faces if face is not None),
+        wiring=None if wiring is None else _describe_wiring(wiring),
     )
+
+
+def _describe_wiring(wiring: Wiring) -> WiringSection:
+    drawing = as_svg_image(draw_wiring(wiring))
+    return WiringSection(drawing, wiring_tables(wiring), wiring.notes)
 
 
 def _draw_passage(
@@ -123,7 +150,8 @@ def _draw_passage(
 ) -> str | None:
     """Return the picture of a passage; the first passage on pads has their drawing."""
     if device.pad is not None and passage.actions[0][0].kind is ActionKind.PADS:
-        return pad_picture(device.pad) if passage is step.passages[0] else None
+        is_first = passage is step.passages[0]
+        return as_svg_image(draw_pad(device.pad)) if is_first else None
     return pictures.draw(step, passage)
 
 
@@ -199,7 +227,7 @@ def _to_plain(action: Action, lines: tuple[str, ...]) -> dict[str, Any]:
     if action.cord is not None:
         plain["cord"] = action.cord
     if action.end is not None:
-        plain["end"] = ENDS[action.end]
+        plain["end"] = END_NAMES[action.end]
     if action.amount is not None:
         plain["mm"] = action.amount
     if action.expected:

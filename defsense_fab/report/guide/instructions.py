@@ -14,9 +14,9 @@ import jinja2
 
 from ...core.device.device import Device
 from ...geometry.channels import cord_assembly
-from ...store.manifest import CutCord, JoinStep, Manifest
+from ...store.manifest import END_NAMES, CutCord, JoinStep, Manifest
 from ..html import environment
-from .actions import ENDS, Action
+from .actions import Action
 from .plan import (
     BATCH_TOLERANCE,
     INSTALLED_TOLERANCE,
@@ -83,7 +83,7 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
             "free_end": free_ends[-1] if free_ends else None,
         }
         if action.end is not None:
-            values |= {"end": ENDS[action.end], "cord_end": cord.ends[action.end]}
+            values |= {"end": END_NAMES[action.end], "cord_end": cord.ends[action.end]}
     sentences = re.split(r"^\s*- ", _template().render(values), flags=re.MULTILINE)[1:]
     return tuple(" ".join(sentence.split()) for sentence in sentences)
 
@@ -100,7 +100,7 @@ def _template() -> jinja2.Template:
         "label": cord_label,
     }
     functions = (joints_that_stretch, late_end, pulled_reach, pulled_strain, sliding_end)
-    constants = {"ENDS": ENDS, "INSTALLED_TOLERANCE": INSTALLED_TOLERANCE}
+    constants = {"END_NAMES": END_NAMES, "INSTALLED_TOLERANCE": INSTALLED_TOLERANCE}
     return text_environment.get_template(
         "guide/instructions.jinja", globals={f.__name__: f for f in functions} | constants
     )

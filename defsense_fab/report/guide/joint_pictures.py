@@ -12,11 +12,11 @@ from ...core.curve import arc_lengths, resample
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...store.layout import LayoutRecord
-from ...store.manifest import CordEnd, CutCord, Manifest
+from ...store.manifest import END_NAMES, CordEnd, CutCord, Manifest
 from ..pictures import views
 from ..pictures.sheet import COLORS
 from ..pictures.views import View
-from .actions import ENDS, Action, ActionKind
+from .actions import Action, ActionKind
 from .drawing import Drawing
 from .instructions import cord_label, pulled_reach, pulled_strain
 from .steps import GuideStep, Illustration, Joint, Passage
@@ -147,7 +147,7 @@ class JointPictures:
             drawing.arrow(arrow_start, arrow_start + (reach + 14) * out, _ARROW_COLOR)
             drawing.label(
                 middle,
-                f"pull the {ENDS[end]} of {cord_label(cord.sensor)}: mark {reach:.0f} mm out,"
+                f"pull the {END_NAMES[end]} of {cord_label(cord.sensor)}: mark {reach:.0f} mm out,"
                 f" stretched by {pulled_strain(self.device, cord, end):.0%}",
             )
         drawing.legend = {"cord": _CORD_COLOR, **drawing.legend}
@@ -207,7 +207,7 @@ class JointPictures:
                 start, stop = (depth, stop) if end == 0 else (start, min(stop, total) - depth)
             middle = self._add_end(drawing, line, end, record)
             bare = ", no ferrule yet" if record.after is not None else ""
-            drawing.label(middle, f"{ENDS[end]} of {label}{bare}")
+            drawing.label(middle, f"{END_NAMES[end]} of {label}{bare}")
         points = line.along(start, stop)
         drawing.rod(points, radius, _CORD_COLOR)
         for end in (0, 1):
@@ -295,7 +295,7 @@ class JointPictures:
             tail = line[-1:] + 0.6 * _LOOSE_LENGTH_MM * direction / np.linalg.norm(direction)
             self._add_wire(drawing, np.concatenate([line, tail]))
             if has_one_cord:  # wires of several cords are too close to each other for labels
-                drawing.label(tail[0], f"wire of the {ENDS[action.end]}")
+                drawing.label(tail[0], f"wire of the {END_NAMES[action.end]}")
 
     def _add_closing_arrows(self, drawing: Drawing, joint: Joint, view: View) -> None:
         """Add arrows next to the parts, in the direction in which the upper ones move."""

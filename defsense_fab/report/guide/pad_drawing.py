@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from html import escape
 
@@ -87,12 +86,6 @@ def draw_pad(pad: PadSpec) -> str:
     _draw_depths(drawing, pad)
     _draw_labels(drawing, pad, top)
     return drawing.as_svg(f"Pad for {pad.name}: cross-section, mm")
-
-
-def pad_picture(pad: PadSpec) -> str:
-    """Return the drawing of a pad as a data URI."""
-    data = base64.b64encode(draw_pad(pad).encode("utf-8")).decode("ascii")
-    return f"data:image/svg+xml;base64,{data}"
 
 
 def _draw_holes(drawing: _Drawing, pad: PadSpec) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...geometry.parts.records import Check
-from ...store.manifest import Manifest, WireRecord
+from ...store.manifest import END_NAMES, Manifest, WireRecord
+from ..wiring.connections import PartKind, Wire, Wiring, color_code
 
 _MAX_DECIMALS = 9
 
@@ -148,6 +149,30 @@ def _describe_exit(wire: WireRecord) -> str:
 def _bill_of_materials(manifest: Manifest) -> GuideTable:
     rows = tuple((b.item, b.amount, b.use) for b in manifest.bill)
     return GuideTable("Bill of materials", ("item", "amount", "for"), rows)
+
+
+def wiring_tables(wiring: Wiring) -> tuple[GuideTable, GuideTable]:
+    """Return the tables of the connections of each cord, and of all other connections."""
+    rows = tuple(
+        (
+            channel.cord,
+            "ground rail",
+            "junction of resistor and pin",
+            f"{channel.resistor:g} ohm ({', '.join(color_code(channel.resistor))})",
+            wiring.describe(wiring.input_of(channel)),
+        )
+        for channel in wiring.channels
+    )
+    header = (wiring.noun, *(f"{end} to" for end in END_NAMES), "resistor to supply rail", "pin")
+    others = tuple(
+        (wiring.describe(c.start), wiring.describe(c.end))
+        for c in wiring.connections
+        if PartKind.RESISTOR not in (c.start.kind, c.end.kind) and c.wire is not Wire.CORD
+    )
+    return (
+        GuideTable("Wires of each " + wiring.noun, header, rows),
+        GuideTable("Other wires", ("from", "to"), others),
+    )
 
 
 def guide_checks(manifest: Manifest) -> GuideTable:

@@ -13,8 +13,7 @@ from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...geometry.kernels.surface_queries import plane_section
 from ...store.layout import LayoutRecord
-from ...store.manifest import CordStretch, CutCord, Manifest
-from .actions import ENDS
+from ...store.manifest import END_NAMES, CordStretch, CutCord, Manifest
 from .instructions import cord_label, format_resistance
 from .plan import late_end
 from .steps import Joint
@@ -185,8 +184,8 @@ def cord_templates(device: Device, manifest: Manifest) -> tuple[CordTemplate, ..
         templates.append(
             CordTemplate(
                 cord_label(cord.sensor),
-                ENDS[first],
-                ENDS[1 - first],
+                END_NAMES[first],
+                END_NAMES[1 - first],
                 cord.unstretched,
                 cord.cut_length,
                 device.cord.diameter,

@@ -13,8 +13,16 @@ from typing import TypeVar
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.device.device import CONVERTERS
-from ...sensing.serial_frames import MAX_COUNT, PROTOCOL, Info, Message, Sample, Text, encode
+from ...core.device.boards import CONVERTERS
+from ...sensing.serial_frames import (
+    PROTOCOL,
+    Info,
+    Message,
+    Sample,
+    Text,
+    converter_code,
+    encode,
+)
 from ...sensing.voltage_divider import REFERENCE_OHM, Dividers, conversion_time
 from ..scenes.assumptions import assume
 from .cords import DeviceCords, ReplayedCords, SpecimenTwin
@@ -45,7 +53,7 @@ class BoardTraits:
         "quantisation",
         "",
         "conversions are whole counts",
-        "ATmega328P and ADS1115 (core/device/device.py, CONVERTERS)",
+        "full scale of each converter (core/device/boards.py, CONVERTERS)",
         off=False,
     )
     own_noise: float = assume(
@@ -150,9 +158,9 @@ class ReadoutTwin:
         self._source, self._speed = source, speed
         self._offset, self._drift = offset, drift
         count = len(source.channels)
-        self._converter = list(CONVERTERS).index(converter)
+        self._converter = converter_code(converter)
         full_scale, averages = CONVERTERS[converter]
-        if self._converter:  # the board's own converter reports 1024
+        if converter != "arduino":  # which reports 1024
             self.full_scale = full_scale
         self._dividers = Dividers(np.broadcast_to(reference, (count,)), self.full_scale)
         self._settings = {"channels": count, "average": averages, "rate": 50, "led": 1000}
@@ -256,8 +264,6 @@ class ReadoutTwin:
         self._sampled_until += step
         averages = self._settings["average"]
         counts = self._dividers.counts(ohm)[: self._settings["channels"]]
-        if self._converter:  # its range ends below the supply voltage
-            counts = np.minimum(counts, MAX_COUNT)
         sums = np.round(counts * averages).astype(int)
         if self._is_framed:
             # Like the firmware: the time of the middle of the conversions, and the state of the

@@ -10,9 +10,8 @@ import numpy as np
 from ...capture.readout.recording import Recorder
 from ...capture.readout.source import Event, StampedSample
 from ...capture.sessions.session import Log, PoseStep
-from ...core.device.device import CONVERTERS
 from ...core.storage.files import replace_file
-from ...sensing.serial_frames import PROTOCOL, Info, Sample, Stream, encode
+from ...sensing.serial_frames import PROTOCOL, Info, Sample, Stream, converter_code, encode
 from ...sensing.voltage_divider import conversion_time
 from .twin_recordings import Truth, TwinRun, TwinRuns
 
@@ -51,7 +50,7 @@ def write_samples(path: Path, runs: TwinRuns, run: TwinRun, converter: str, led:
         StorageError: The file cannot be written.
     """
     with Recorder(path, run.sums.shape[1]) as recorder:
-        recorder.extend(_received(runs, run, list(CONVERTERS).index(converter), led))
+        recorder.extend(_received(runs, run, converter_code(converter), led))
 
 
 def _received(

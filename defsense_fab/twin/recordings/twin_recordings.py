@@ -11,8 +11,9 @@ import numpy as np
 from ...capture.sessions.results import ClockPart
 from ...capture.sessions.signals import resistances_at, rest_resistances
 from ...core.arrays import Bool, Float, Int
+from ...core.device.boards import CONVERTERS
 from ...core.device.build_folder import finished_build
-from ...core.device.device import CONVERTERS, Device
+from ...core.device.device import Device
 from ...core.errors import CaptureError
 from ...core.markers import Markers
 from ...core.progress import Progress, silent

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Literal
 
 from msgspec import Meta
 
@@ -32,3 +33,24 @@ class ReferenceOptions:
 
     def __post_init__(self) -> None:
         check_options(self, CalibrationError)
+
+
+@dataclass(frozen=True)
+class WiringOptions:
+    """For which board a device's wiring is drawn.
+
+    Attributes:
+        board: Set the board instead of [readout] board in device.toml.
+        converter: Set the converter instead of [readout] converter in device.toml.
+        out: Set the folder for the files (default: wiring in the device's folder).
+
+    Raises:
+        DeviceError: A value is not valid.
+    """
+
+    board: Literal["nano", "uno", "esp32", "pico"] | None = None
+    converter: Literal["arduino", "ads1115", "pico", "esp32"] | None = None
+    out: Path | None = None
+
+    def __post_init__(self) -> None:
+        check_options(self)

@@ -18,6 +18,7 @@ from ...geometry.bodies.meshing import mesh_store
 from ...report.guide.tables import guide_tables
 from ...store.layout import LAYOUT
 from ...store.manifest import FOLDER, Manifest, load_manifest
+from ..board.wiring import DRAWING, HARNESS
 from . import body_sources
 from .build import build_lock, first_outdated
 from .recorded_options import changed_options
@@ -47,9 +48,9 @@ def export_name(device: Device) -> str:
 def export(device: Device, path: Path) -> tuple[str, ...]:
     """Export a built device to a zip, completely or not at all.
 
-    The zip holds parts, guide, report, `layout.json`, cut list and bill of materials as CSV,
-    `device.toml` and the files from which the body is made. Of files outside the device's folder,
-    it holds only scripts and CAD files. The same build gives the same bytes.
+    The zip holds parts, guide, report, wiring, `layout.json`, cut list and bill of materials as
+    CSV, `device.toml` and the files from which the body is made. Of files outside the device's
+    folder, it holds only scripts and CAD files. The same build gives the same bytes.
 
     Args:
         device: The device.
@@ -97,6 +98,7 @@ def _files(device: Device, folder: Path, others: Iterable[str] = ()) -> dict[str
         f"{FOLDER}/{p.relative_to(parts).as_posix()}": p for p in parts.rglob("*") if p.is_file()
     }
     out |= {name: folder / name for name in _BUILD_FILES}
+    out |= {name: folder / name for name in (DRAWING, HARNESS) if (folder / name).exists()}
     out |= {
         p.name: p
         for p in (device.source / DEVICE, device.source / mesh_store.DEVICE_MESH)

@@ -24,6 +24,7 @@ from ...report.pictures.sheet import COLORS
 from ...report.surface_errors import SurfaceErrors, state_words, surface_errors
 from ...report.viewer.scene import scene, view3d
 from ...store.build import Build
+from ..board.wiring import plan_if_possible, write_wiring_files
 from .stage_fabricate import COMPRESSION_RESPONSES
 from .stages import Report
 
@@ -49,13 +50,17 @@ def run(device: Device, build: Build, report: Report) -> None:
     report(0.2, "parts")
     errors = surface_errors(build)
     viewer = view3d(scene(device, build, errors, frame))
-    poses = build.field_index.warnings
-    guide = assembly_guide(device, layout, manifest, build.parts, frame, poses)
+    wiring, wiring_notes = plan_if_possible(device, manifest)
+    if wiring is not None:
+        write_wiring_files(wiring, folder)
+    notes = (*build.field_index.warnings, *wiring_notes)
+    guide = assembly_guide(device, layout, manifest, build.parts, frame, notes, wiring)
     guide = replace(guide, forces=tuple(p.describe() for p in build.forces.poses))
     if manifest.traces:
         guide = replace(guide, exploded=images["routing"])
     write_guide(guide, folder, viewer)
     images["parts"] = guide.exploded
+    images["wiring"] = None if guide.wiring is None else guide.wiring.drawing
     images["front"] = draw_trial_errors(layout.weighed)
     images["poses"] = _pose_pictures(device, build, errors, frame, report)
     write_page(
@@ -63,7 +68,7 @@ def run(device: Device, build: Build, report: Report) -> None:
         "report",
         device=device,
         layout=layout,
-        poses=poses,
+        notes=notes,
         forces=build.forces,
         manifest=manifest,
         mesh=build.mesh_record,

@@ -254,8 +254,8 @@ STAGES = (
     Stage(
         "report",
         "write the report and the guide",
-        ("report.html", "guide.html", "guide.json", "templates.pdf"),
-        lambda d: d.name,
+        ("report.html", "guide.html", "guide.json", "templates.pdf", "wiring.svg", "wireviz.yml"),
+        lambda d: (d.name, d.board),
         ("pyvista", "vtk", "matplotlib", "jinja2", "reportlab"),
         "close other programs",
     ),

@@ -1,13 +1,20 @@
 """The commands `defsense board ...`: what they print and refuse."""
 
 import json
+import shutil
+from dataclasses import replace
 
 import pytest
 
 from defsense_fab.cli.exit_codes import DONE
 from defsense_fab.cli.main import run_command
-from defsense_fab.core.errors import CaptureError, DefsenseError
+from defsense_fab.core.errors import CaptureError, DefsenseError, DeviceError
+from defsense_fab.core.storage import typed_json
+from defsense_fab.store.manifest import MANIFEST
+from defsense_fab.workflow.board.wiring import plan_if_possible
+from tests.report.wiring.plans import manifest_of
 from tests.support.errors import raises
+from tests.support.places import BAR
 
 
 @pytest.fixture
@@ -43,3 +50,60 @@ def test_reference_resistors_are_measured(run):
     data = run("reference", "--port", "twin", "--known", "2500", "--json")
     assert 1500 < min(data["reference"]) < 3500
     assert "--reference" in run("reference", "--port", "twin", "--known", "2500")
+
+
+@pytest.fixture
+def built(tmp_path):
+    """Return a function that makes a device whose build has a number of cords."""
+
+    def make(cords, readout=""):
+        folder = tmp_path / "device"
+        shutil.copytree(BAR, folder, ignore=shutil.ignore_patterns("build"))
+        with (folder / "device.toml").open("a", encoding="utf-8") as file:
+            file.write(f"\n[readout]\n{readout}\n")
+        (folder / "build" / "parts").mkdir(parents=True)
+        typed_json.save(folder / "build" / MANIFEST, manifest_of(cords)[1])
+        return folder
+
+    return make
+
+
+def test_wiring_of_a_built_device_is_written(run, built, tmp_path):
+    folder = built(3)
+    data = run("wiring", folder, "--json")
+    assert (data["board"], data["converter"]) == ("nano", "arduino")
+    assert [c["pin"] for c in data["channels"]] == ["A0", "A1", "A2"]
+    names = {"wiring.svg", "wireviz.yml"}
+    assert {p.name for p in (folder / "wiring").iterdir()} == names
+    text = run("wiring", folder, "--board", "esp32", "--converter", "ads1115", "--out", tmp_path)
+    assert "ADS1115 1, A2" in text
+    assert "GPIO22 (SCL)" in text
+    assert all((tmp_path / name).is_file() for name in names)
+    assert [c["module"] for c in data["channels"]] == [None] * 3
+
+
+def test_wiring_follows_the_file_of_the_device(run, built):
+    data = run("wiring", built(1, 'board = "pico"'), "--json")
+    assert (data["board"], data["converter"]) == ("pico", "pico")
+
+
+def test_wiring_that_is_not_possible_is_refused_without_files(built):
+    folder = built(4)
+    for words, code in (
+        (["--board", "pico"], "too-many-cords"),
+        (["--board", "pico", "--converter", "esp32"], "converter-not-on-board"),
+    ):
+        with raises(DeviceError, code):
+            run_command(["board", "wiring", str(folder), *words])
+    shutil.rmtree(folder / "build")
+    with raises(CaptureError, "not-built"):
+        run_command(["board", "wiring", str(folder)])
+    assert not (folder / "wiring").exists()
+
+
+def test_too_many_cords_for_a_board_are_a_note_of_the_build():
+    device, manifest = manifest_of(9)
+    wiring, notes = plan_if_possible(device, manifest)
+    assert wiring is None
+    assert len(notes) == 1
+    assert plan_if_possible(replace(device, converter="ads1115"), manifest)[1] == ()

@@ -1,10 +1,13 @@
-"""The converter of a simulated board: whole counts, and continuous values without steps."""
+"""The converters of simulated boards: whole counts, or continuous values without steps."""
 
 import numpy as np
 import pytest
 
+from defsense_fab.sensing.response import Response
+from defsense_fab.sensing.serial_frames import Info, Stream
 from defsense_fab.sensing.voltage_divider import Dividers
-from defsense_fab.twin.electronics.readout_board import BoardTraits, Converter
+from defsense_fab.twin.electronics.cords import CordTraits, SpecimenTwin
+from defsense_fab.twin.electronics.readout_board import BoardTraits, Converter, ReadoutTwin
 from defsense_fab.twin.scenes.assumptions import disable_traits
 
 OHM = np.linspace(1000.0, 1400.0, 4000)[:, None]
@@ -35,3 +38,15 @@ def test_values_are_continuous_without_steps():
     continuous = disable_traits(BoardTraits(), {"quantisation"})
     assert convert(continuous) == pytest.approx(OHM, rel=1e-6)
     assert converter(continuous).averages == 1
+
+
+@pytest.mark.parametrize(
+    ("converter", "code", "full_scale"),
+    [("arduino", 0, 1024), ("pico", 0, 4096), ("esp32", 0, 3300), ("ads1115", 1, 26400)],
+)
+def test_boards_describe_their_converter(converter, code, full_scale):
+    cords = SpecimenTwin(CordTraits(Response.line(2.0)), np.random.default_rng(0))
+    board = ReadoutTwin(cords, converter=converter)
+    board.write(b"frames\n")
+    info = next(m for m in Stream().feed(board.read(4096)) if isinstance(m, Info))
+    assert (info.converter, info.full_scale) == (code, full_scale)

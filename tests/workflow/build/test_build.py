@@ -304,6 +304,16 @@ def test_missing_part_is_made_again_and_other_files_are_ignored(copy, capsys):
 
 
 @pytest.mark.slow
+def test_other_board_changes_only_the_report(copy, capsys):
+    files = [copy / "build" / name for name in ("wiring.svg", "wireviz.yml", "guide.html")]
+    assert all("Arduino Nano" in file.read_text("utf-8") for file in files)
+    change(copy, "[design]", '[readout]\nboard = "uno"\n\n[design]')
+    assert main(["build", str(copy), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["made"] == ["report"]
+    assert all("Arduino Uno" in file.read_text("utf-8") for file in files)
+
+
+@pytest.mark.slow
 def test_recorded_session_outdates_no_stage(copy, capsys):
     run = copy / "session" / "run-1"
     run.mkdir(parents=True)

@@ -1,0 +1,1 @@
+"""The wiring of a device: connections, their drawing, and their file for WireViz."""
