@@ -10,6 +10,8 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from defsense_fab.capture.boards.images import IMAGES_FOLDER
+
 HERE = Path(__file__).resolve().parent
 FIRMWARE = HERE.parents[1] / "firmware"
 LIBRARY = FIRMWARE / "DefSense"
@@ -26,7 +28,7 @@ IMAGES = {
     "ads1115": ("ads1115", "nano"),
 }
 # Versions with which the images in the package are compiled; others give other bytes.
-COMPILER, CORE = "5.4.0", "1.8.6"
+COMPILER, CORE = "5.4.0", "1.8.7"
 
 # The flags of the Arduino IDE (platform.txt).
 COMMON = [
@@ -103,9 +105,7 @@ def _sources(folder: Path) -> list[Path]:
     return sorted(path for path in folder.rglob("*") if path.suffix in (".c", ".cpp"))
 
 
-def build_sketch(
-    name: str, folder: Path, board: str = "nano", library: Path = LIBRARY
-) -> Path:
+def build_sketch(name: str, folder: Path, board: str = "nano", library: Path = LIBRARY) -> Path:
     """Compile an example as the Arduino IDE does, and return the .elf file.
 
     The code depends on the sources and on the versions of the compiler and the core only, not on
@@ -204,8 +204,7 @@ def build_golden(folder: Path) -> Path:
 
 def main() -> None:
     """Write the images that come with the package again."""
-    from defsense_fab.capture.boards.images import IMAGES_FOLDER
-
+    IMAGES_FOLDER.mkdir(exist_ok=True)
     if versions := differing_versions():
         raise BuildError(f"other versions give other images: {', '.join(versions)}")
     with tempfile.TemporaryDirectory() as folder:

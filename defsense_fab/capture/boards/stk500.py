@@ -1,12 +1,10 @@
 """Write the flash memory of an Arduino through its boot loader, in the protocol STK500 version 1.
 
 Two boot loaders are in use on boards with an ATmega328P. Optiboot (Uno, and Nanos since 2018)
-listens at 115200 baud for a second after a reset. ATmegaBOOT (older Nanos) listens at 57600 baud for
-about two seconds. Both ignore the commands of the protocol that configure a programmer, erase
-single pages as they write them, and cannot write the section that they are in.
-
-Optiboot starts the program at the first byte that does not fit, so that a session that is out of
-step begins with another reset.
+listens at 115200 baud for a second after a reset. ATmegaBOOT (older Nanos) listens at 57600 baud
+for about two seconds. Both ignore the commands that configure a programmer, erase each page as
+they write it, and cannot write the section that they are in. A byte that Optiboot does not expect
+makes it start the program, so that a session that is out of step starts again with a reset.
 
 References:
     Atmel, AVR061: STK500 Communication Protocol, 2003.
@@ -15,6 +13,7 @@ References:
 from __future__ import annotations
 
 import contextlib
+import errno
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ from ...core.progress import Progress, silent
 
 #: Speeds of Optiboot and of ATmegaBOOT; 115200 baud is garbage to ATmegaBOOT and vice versa.
 BAUD_RATES = (115200, 57600)
-#: Resets per speed. A board without a reset by the port is found if its button is pressed meanwhile.
+#: Resets per speed. On a board that the port does not reset, its button can be pressed meanwhile.
 ROUNDS = 3
 PAGE_BYTES = 128
 #: Start of the larger boot loader's section (ATmegaBOOT, 2 KB) in the 32 KB of the chip.
@@ -80,8 +79,6 @@ class BootPort(Protocol):
 
     def write(self, data: bytes) -> int | None: ...
 
-    def reset_input_buffer(self) -> None: ...
-
 
 @dataclass(frozen=True)
 class BootLoader:
@@ -102,9 +99,7 @@ class _OutOfStepError(Exception):
     """The boot loader did not answer, or answered something else."""
 
 
-def write_flash(
-    port: BootPort, image: bytes, name: str, progress: Progress = silent
-) -> BootLoader:
+def write_flash(port: BootPort, image: bytes, name: str, progress: Progress = silent) -> BootLoader:
     """Write an image to the flash memory, read it back and start it.
 
     Args:
@@ -227,11 +222,11 @@ class _Session:
         """Reset the board, and wait for an answer of its boot loader."""
         port = self._port
         port.baudrate = baud
-        port.dtr = port.rts = False
+        self._set_reset_lines(False)
         time.sleep(DTR_OFF_S)
-        port.dtr = port.rts = True
+        self._set_reset_lines(True)
         time.sleep(START_S)
-        port.reset_input_buffer()  # of the program that ran before
+        self._discard_input()  # of the program that ran before
         for _ in range(SYNC_TRIES):
             port.write(_GET_SYNC + _END)
             port.timeout = SYNC_TIMEOUT_S
@@ -240,6 +235,14 @@ class _Session:
                 return
             self._discard_input()
         raise _OutOfStepError("no answer")
+
+    def _set_reset_lines(self, is_on: bool) -> None:
+        """Switch DTR and RTS, of which one is connected to the reset pin, if the port has them."""
+        try:
+            self._port.dtr = self._port.rts = is_on
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.ENOTTY):
+                raise
 
     def _discard_input(self) -> None:
         """Discard bytes until the line is quiet: answers to earlier attempts, or a program's."""
