@@ -27,6 +27,8 @@ IMAGES = {
     "divider-uno": ("divider", "uno"),
     "ads1115": ("ads1115", "nano"),
 }
+# Boot loaders, and the addresses at which they start.
+BOOT_LOADERS = {"optiboot": "7c00", "atmegaboot": "7800"}
 # Versions with which the images in the package are compiled; others give other bytes.
 COMPILER, CORE = "5.4.0", "1.8.7"
 
@@ -154,33 +156,34 @@ def differing_versions() -> list[str]:
     ]
 
 
-def build_bootloader(name: str, folder: Path) -> str:
+def build_bootloader(name: str, folder: Path) -> Path:
     """Prepare a boot loader of the Arduino core for the simulated board.
 
     Args:
-        name: "optiboot" or "atmegaboot".
+        name: A key of `BOOT_LOADERS`.
         folder: Folder for the files.
 
     Returns:
-        The address and the file, as `board --bootloader` takes them.
+        The binary file.
     """
     _prepare(folder)
     binary, sources = folder / f"{name}.bin", ARDUINO / "bootloaders"
     if name == "atmegaboot":
         compiled = sources / "atmega/ATmegaBOOT_168_atmega328.hex"
         _run(["avr-objcopy", "-I", "ihex", "-O", "binary", str(compiled), str(binary)])
-        return f"7800:{binary}"
+        return binary
     # Debian's compiled file has 532 bytes and is cut off at the end of the memory, where 512 are
     # left. The same source is linked 512 bytes further down.
     elf = folder / f"{name}.elf"
     flags = ["-Os", "-fno-split-wide-types", "-mrelax", "-mmcu=atmega328p", "-w", "-nostartfiles"]
     defines = ["-DF_CPU=16000000L", "-DLED_START_FLASHES=3", "-DBAUD_RATE=115200"]
-    places = ["-Wl,--section-start=.text=0x7c00", "-Wl,--section-start=.version=0x7ffe"]
+    start = f"-Wl,--section-start=.text=0x{BOOT_LOADERS[name]}"
+    places = [start, "-Wl,--section-start=.version=0x7ffe"]
     source = str(sources / "optiboot/optiboot.c")
     _run(["avr-gcc", *flags, *defines, *places, "-Wl,--relax", source, "-o", str(elf)])
     parts = ["-j", ".text", "-j", ".version"]
     _run(["avr-objcopy", "-O", "binary", *parts, str(elf), str(binary)])
-    return f"7c00:{binary}"
+    return binary
 
 
 def build_board(folder: Path) -> Path:

@@ -288,7 +288,7 @@ def _verify_error(name: str, address: int, expected: bytes, found: bytes) -> Cap
 
 def _interrupted_error(name: str, error: Exception, is_written: bool) -> CaptureError:
     state = (
-        "The program on the board is incomplete, its boot loader is unchanged"
+        "The program on the board may be incomplete, its boot loader is unchanged"
         if is_written
         else "The board is unchanged"
     )

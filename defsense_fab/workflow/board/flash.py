@@ -65,8 +65,8 @@ def flash_board(
         CaptureError: No port, or several ports are plugged in (`board-not-found`,
             `port-ambiguous`), the port cannot be opened (`port-busy`, `port-forbidden`, ...),
             the board runs another program and the option `yes` is not set
-            (`replacement-not-confirmed`), the firmware could not be written (see `write_flash`), or does not run afterwards
-            (`firmware-not-running`).
+            (`replacement-not-confirmed`), the firmware could not be written (see `write_flash`), or
+            does not run afterwards (`firmware-not-running`).
     """
     image = _choose_image(device, options)
     data = image.read()
