@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ...core.errors import CaptureError
-from ...sensing.serial_frames import PROTOCOL, Info, Sample, Stream, Text
+from ...sensing.serial_frames import FIRMWARE_VERSION, PROTOCOL, Info, Sample, Stream, Text
 from .source import Event, ReadoutStatistics, Sink, StaleError, StampedSample
 
 #: Boards restart when their port is opened, and a boot loader may wait for two seconds.
@@ -103,7 +103,8 @@ class Reader:
         keep_items: Whether items wait for `drain`; otherwise only the sink receives them.
 
     Attributes:
-        info: The board's latest description of itself; None before `start`.
+        info: The board's latest description of itself, also if `start` refused the board; None
+            before `start`.
     """
 
     def __init__(
@@ -224,7 +225,7 @@ class Reader:
     def _connect(self, port: Transport) -> tuple[Info, list[tuple[Sample, int]]]:
         """Greet the board and remember its description."""
         info, early_samples = self._greet(port)
-        self.info, self._last_sample_ns = info, time.monotonic_ns()
+        self._last_sample_ns = time.monotonic_ns()
         return info, early_samples
 
     def _greet(self, port: Transport) -> tuple[Info, list[tuple[Sample, int]]]:
@@ -247,6 +248,7 @@ class Reader:
             answer, now = (answer + data)[-_GREETING_BYTES:], time.monotonic_ns()
             for message in self._stream.feed(data):
                 if isinstance(message, Info):
+                    self.info = message
                     self._check(message)
                     if self._choose is not None:
                         self._settings, self._choose = self._choose(message), None
@@ -261,7 +263,7 @@ class Reader:
                         f"the read-out board refuses the command {command!r}: {message.text}",
                         code="board-command-refused",
                         where=self.name,
-                        action="Choose another setting",
+                        action=_update_or(info, "Choose another setting"),
                         command=command,
                     )
             if info is not None and is_set_up:
@@ -271,7 +273,7 @@ class Reader:
                 f"the read-out board does not answer the command {command!r}",
                 code="board-command-unanswered",
                 where=self.name,
-                action="Unplug the board, plug it in and try again",
+                action=_update_or(info, "Unplug the board, plug it in and try again"),
                 command=command,
             )
         raise self._silence_error(answer)
@@ -284,7 +286,7 @@ class Reader:
                 f" reads {PROTOCOL}",
                 code="firmware-protocol-differs",
                 where=self.name,
-                action="Upload the firmware of this version (firmware/), or update defsense-fab",
+                action=_update_or(info, "Update defsense-fab"),
                 protocol=info.protocol,
             )
         if not info.most_channels:
@@ -302,14 +304,17 @@ class Reader:
                 "nothing answers",
                 code="board-silent",
                 where=self.name,
-                action="Check that this is the board's port and that firmware/ is on the board",
+                action=(
+                    "Check that this is the board's port, and write the firmware with"
+                    " defsense board flash if the board is new"
+                ),
             )
         text = answer[-_QUOTED_BYTES:].decode("ascii", "replace")
         return CaptureError(
             f"the device does not run this firmware (it sends {text!r})",
             code="board-firmware-unknown",
             where=self.name,
-            action="Upload firmware/ to the read-out board, or choose another port",
+            action="Write the firmware with defsense board flash, or choose another port",
             text=text,
         )
 
@@ -426,6 +431,13 @@ class Reader:
                 self._dropped += 1
                 self._dropped_since_drain += 1
             self._items.append(item)
+
+
+def _update_or(info: Info, action: str) -> str:
+    """Return what to do about a board: update its firmware if that is older, else `action`."""
+    if (info.protocol, info.version) < (PROTOCOL, FIRMWARE_VERSION):
+        return "Update the firmware with defsense board flash"
+    return action
 
 
 def _start_data(info: Info) -> dict[str, object]:

@@ -76,3 +76,29 @@ class CheckOptions:
 
     def __post_init__(self) -> None:
         check_options(self, CaptureError)
+
+
+@dataclass(frozen=True)
+class FlashOptions:
+    """Which firmware is written to which board.
+
+    Attributes:
+        port: Set the serial port of the board (default: the only one that is plugged in).
+        board: Choose the board (default: [readout] board of the device, or nano).
+        converter: Choose what measures the cords: the board itself (arduino), or ADS1115 modules
+            (default: [readout] converter of the device, or the board's own).
+        yes: Replace another program on the board without asking.
+        force: Write the firmware even if the board runs this version or a later one.
+
+    Raises:
+        CaptureError: A value is not valid.
+    """
+
+    port: str | None = None
+    board: Literal["nano", "uno"] | None = None
+    converter: Literal["arduino", "ads1115"] | None = None
+    yes: bool = False
+    force: bool = False
+
+    def __post_init__(self) -> None:
+        check_options(self, CaptureError)
