@@ -168,7 +168,8 @@ def table(results: Sequence[Result]) -> list[str]:
     lines += [
         f"{'all':<16} {len(faulty):>5} {sum(r.is_found for r in faulty):>5}"
         f" {sum(r.is_named for r in faulty):>5}",
-        f"sound units: {len(sound)}, with a false alarm: {sum(bool(r.false_alarms) for r in sound)};"
+        f"sound units: {len(sound)},"
+        f" with a false alarm: {sum(bool(r.false_alarms) for r in sound)};"
         f" sound channels: {sum(len(r.findings) - len(r.case.channels) for r in results)},"
         f" false alarms: {sum(alarms.values())} {dict(alarms) or ''}",
     ]

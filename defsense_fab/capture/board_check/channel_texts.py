@@ -92,7 +92,13 @@ def finding(
         "resistor": format_ohm(nearest_e24(resistor)),
     }
     return Finding(
-        channel, cord.name, code, text.format(**values), action.format(**values), others, data  # type: ignore[arg-type]
+        channel,
+        cord.name,
+        code,
+        text.format(**values),
+        action.format(**values),
+        others,
+        data,  # type: ignore[arg-type]
     )
 
 

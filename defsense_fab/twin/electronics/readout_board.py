@@ -13,24 +13,15 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from ...core.arrays import Float, Int
-<<<<<<< HEAD
 from ...core.device.boards import CONVERTERS
 from ...sensing.serial_frames import (
-=======
-from ...core.device.device import CONVERTERS
-from ...sensing.serial_frames import (
-    MAX_COUNT,
     NOT_READ,
->>>>>>> check
     PROTOCOL,
     Info,
     Message,
     Sample,
     Text,
-<<<<<<< HEAD
     converter_code,
-=======
->>>>>>> check
     encode,
 )
 from ...sensing.voltage_divider import REFERENCE_OHM, Dividers, conversion_time
@@ -288,20 +279,12 @@ class ReadoutTwin:
         """Produce the next sample, `step` s after the last one."""
         ohm = self._source.sample(self._sampled_until, step)
         self._sampled_until += step
-<<<<<<< HEAD
-        averages = self._settings["average"]
-        counts = self._dividers.counts(ohm)[: self._settings["channels"]]
-        sums = np.round(counts * averages).astype(int)
-=======
         averages, channels = self._settings["average"], self._settings["channels"]
         if self._wiring is not None:
             sums = self._wiring.convert(ohm, self._sampled_until, averages, channels)
         else:
             counts = self._dividers.counts(ohm)[:channels]
-            if self._converter:  # its range ends below the supply voltage
-                counts = np.minimum(counts, MAX_COUNT)
             sums = np.round(counts * averages).astype(int)
->>>>>>> check
         if self._is_framed:
             # Like the firmware: the time of the middle of the conversions, and the state of the
             # LED at their start.

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.arrays import Float, Int
-from ...core.device.device import CONVERTERS, Device
+from ...core.device.boards import CONVERTERS
+from ...core.device.device import Device
 from ...core.errors import CaptureError
 from ...optimization.studies.tolerance_monte_carlo import Tolerances, sample_built_cord
 from ...sensing.built_cord import CordReading
@@ -225,4 +226,3 @@ class WiringTwin:
                 times.append(round(1e6 * (time + step)) / 1e6)
                 counts.append(np.where(sums == NOT_READ, np.nan, sums / averages))
         return np.array(times), np.array(counts)
-

@@ -75,7 +75,7 @@ def check_board(
     screen: AbstractContextManager[Screen],
     auto: bool = False,
     page: int | None = None,
-    on_page: Callable[[str], None] = lambda url: None,
+    on_page: Callable[[str], None] = lambda _url: None,
 ) -> BoardCheck:
     """Check the wiring of a device, step by step.
 
