@@ -16,6 +16,8 @@ from ..core.arrays import Float
 from ..core.device.boards import ADS1115
 
 PROTOCOL = 1
+#: Version of the firmware in `firmware/DefSense` (`DefSense.cpp`).
+FIRMWARE_VERSION = (1, 0)
 #: Sum of a channel that could not be read.
 NOT_READ = 0xFFFFFF
 MAX_CHANNELS = 16

@@ -25,12 +25,9 @@ from ...sensing.voltage_divider import Dividers
 from ...training.data.dataset import Recording
 from ...training.recordings.datasets import match_to_device
 from ...training.recordings.session_dataset import session_dataset
+from ...twin.electronics.fault_words import parse_faults
 from ...twin.options import CordFamilyName, TwinOptions
-from ...twin.recordings.walking_board import (
-    WalkingBoard,
-    parse_faults,
-    simulate_walking_board,
-)
+from ...twin.recordings.walking_board import WalkingBoard, simulate_walking_board
 from .live_device import LiveDevice
 
 #: Port of the simulated device.

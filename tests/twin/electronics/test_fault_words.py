@@ -3,7 +3,7 @@
 import pytest
 
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.twin.recordings.walking_board import parse_faults
+from defsense_fab.twin.electronics.fault_words import parse_faults
 from tests.support.errors import raises
 
 
