@@ -183,7 +183,7 @@ class FakeBoard:
                 while self._delayed and self._delayed[0][0] <= now:
                     self._put(heapq.heappop(self._delayed)[2])
                 if now < self._silent_until:
-                    next_sample = now
+                    next_sample = now + 1 / self._rate
                 while next_sample <= now:
                     self._take_sample(next_sample)
                     next_sample += 1 / self._rate

@@ -40,22 +40,30 @@ def settings_folder(tmp_path, monkeypatch):
 
 
 class Sink:
-    """Keeps the items of a reader with the times at which they were received."""
+    """Keeps the items of a reader with the times at which they were received, s."""
 
     def __init__(self):
-        self.items, self.times = [], []
+        self._rows = []
 
     def __call__(self, item):
-        self.items.append(item)
-        self.times.append(time.monotonic())
+        self._rows.append((item, time.monotonic()))
+
+    @property
+    def events(self):
+        return [item for item, _ in tuple(self._rows) if isinstance(item, Event)]
 
     def kinds(self):
-        return [i.kind for i in self.items if isinstance(i, Event) and i.kind != "info"]
+        return [event.kind for event in self.events if event.kind != "info"]
+
+    @property
+    def last_counter(self):
+        rows = (item for item, _ in reversed(tuple(self._rows)) if isinstance(item, StampedSample))
+        return next(rows).sample.counter
 
     def samples(self):
         """Return samples with their times of reception, one list for each start of the board."""
         runs = [[]]
-        for item, at in zip(self.items, self.times, strict=True):
+        for item, at in tuple(self._rows):
             if isinstance(item, Event) and item.kind == "restart":
                 runs.append([])
             elif isinstance(item, StampedSample):
@@ -87,7 +95,7 @@ def close_after_last_sample(board, reader, sink):
     board.pause()
     boot = board.boots[-1]
     last = max(set(boot.sent) - boot.dropped)
-    wait_until(lambda: sink.samples()[-1][-1][0].sample.counter == last)
+    wait_until(lambda: sink.last_counter == last)
     reader.close()
 
 
@@ -137,7 +145,7 @@ def test_bad_network_and_a_restart():
         statistics = reader.statistics
         runs = check_counts(board, sink, statistics)
     assert sink.kinds() == ["start", "gap", "resumed", "restart"]
-    events = {i.kind: i.data for i in sink.items if isinstance(i, Event)}
+    events = {event.kind: event.data for event in sink.events}
     first, second = (boot.boot_id for boot in board.boots)
     assert (events["start"]["board_id"], events["start"]["boot_id"]) == (BOARD_ID, first)
     assert (events["resumed"]["board_id"], events["resumed"]["boot_id"]) == (BOARD_ID, second)
@@ -392,8 +400,7 @@ def test_commands_may_come_from_another_thread():
             sender.start()
         for sender in senders:
             sender.join(120)
-        infos = lambda: sum(isinstance(i, Event) and i.kind == "info" for i in sink.items)  # noqa: E731
-        wait_until(lambda: infos() >= 60)
+        wait_until(lambda: sum(event.kind == "info" for event in sink.events) >= 60)
 
 
 @pytest.mark.parametrize("scheme", ["udp", "tcp"])
