@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ...core.errors import CaptureError
-from ...sensing.serial_frames import FIRMWARE_VERSION, PROTOCOL, Info, Sample, Stream, Text
+from ...sensing.serial_frames import PROTOCOL, Info, Sample, Stream, Text
 from .source import Event, ReadoutStatistics, Sink, StaleError, StampedSample
 
 #: Boards restart when their port is opened, and a boot loader may wait for two seconds.
@@ -435,9 +435,7 @@ class Reader:
 
 def _update_or(info: Info, action: str) -> str:
     """Return what to do about a board: update its firmware if that is older, else `action`."""
-    if (info.protocol, info.version) < (PROTOCOL, FIRMWARE_VERSION):
-        return "Update the firmware with defsense board flash"
-    return action
+    return "Update the firmware with defsense board flash" if info.is_outdated else action
 
 
 def _start_data(info: Info) -> dict[str, object]:
