@@ -45,9 +45,9 @@ class Port:
     """Where samples come from, by the text that the user gives.
 
     Attributes:
-        text: A serial port, socket://host:port, the .csv file of a recording, a recording or a
-            session (replay:PATH), or the twin (twin, or twin:unit=1,seed=7,minutes=5,
-            cut=left@20-30).
+        text: A serial port, socket://host:port, udp://HOST or tcp://HOST, the .csv file of a
+            recording, a recording or a session (replay:PATH), or the twin (twin, or
+            twin:unit=1,seed=7,minutes=5,cut=left@20-30).
     """
 
     text: str
