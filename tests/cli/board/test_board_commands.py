@@ -9,7 +9,7 @@ import pytest
 import serial
 
 from defsense_fab.capture.boards import stk500
-from defsense_fab.capture.readout import reader
+from defsense_fab.capture.readout import greeting
 from defsense_fab.capture.readout.paired_boards import store_board
 from defsense_fab.cli.exit_codes import DONE, STOPPED
 from defsense_fab.cli.main import main, run_command
@@ -142,7 +142,7 @@ def test_too_many_cords_for_a_board_are_a_note_of_the_build():
 def silent_port(monkeypatch):
     """Return the port of a board on which nothing answers."""
     board, port = os.openpty()
-    monkeypatch.setattr(reader, "GREETING_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(greeting, "GREETING_TIMEOUT_S", 0.2)
     yield os.ttyname(port)
     os.close(board)
     os.close(port)
