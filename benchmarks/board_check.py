@@ -47,6 +47,7 @@ KINDS: tuple[tuple[str, str, tuple[float, float] | None], ...] = (
     ("loose", "loose", (5.0, 7.0)),  # open while it moves
     ("reference", "saturated", (2.0, 2.1)),
     ("reference", "saturated", (-2.1, -2.0)),
+    ("supply", "saturated", (0.15, 0.2)),  # 5 V instead of 3.3 V
 )
 REST_S, WIGGLE_S, POSE_S, LEAD_S = 5.0, 3.0, 2.0, 1.5
 
@@ -112,9 +113,10 @@ def fault_cases(names: Sequence[str], count: int, seed: int = 1) -> Iterator[Cas
         kind, code, exponents = KINDS[k % len(KINDS)]
         number = 2 if kind in ("swap", "bridge") else 1
         chosen = tuple(str(n) for n in rng.permutation(names)[:number])
+        affected = tuple(names) if kind == "supply" else chosen
         size = "" if exponents is None else f"*{10 ** rng.uniform(*exponents):.4g}"
         word = f"{kind}={'+'.join(chosen)}{size}"
-        yield Case(WiringTwinOptions(100 * seed + k, seed, 1.0, (word,)), code, chosen)
+        yield Case(WiringTwinOptions(100 * seed + k, seed, 1.0, (word,)), code, affected)
 
 
 def healthy_cases(count: int, seed: int = 1) -> Iterator[Case]:
@@ -165,12 +167,13 @@ def table(results: Sequence[Result]) -> list[str]:
         )
     sound = [r for r in results if not r.case.code]
     alarms = Counter(f.code for r in results for f in r.false_alarms)
+    channels = sum(len(r.findings) - len(r.case.channels) for r in results)
     lines += [
         f"{'all':<16} {len(faulty):>5} {sum(r.is_found for r in faulty):>5}"
         f" {sum(r.is_named for r in faulty):>5}",
-        f"sound units: {len(sound)}, with a false alarm: {sum(bool(r.false_alarms) for r in sound)};"
-        f" sound channels: {sum(len(r.findings) - len(r.case.channels) for r in results)},"
-        f" false alarms: {sum(alarms.values())} {dict(alarms) or ''}",
+        f"sound units: {len(sound)}, {sum(bool(r.false_alarms) for r in sound)} with a false alarm;"
+        f" sound channels of all units: {channels}, {sum(alarms.values())} with a false alarm"
+        f" {dict(alarms) or ''}",
     ]
     return lines
 
@@ -195,10 +198,9 @@ def main() -> None:
         )
         names = [c.name for c in bench.cords]
         started_at = time.perf_counter()
-        cases = [
-            *fault_cases(names, arguments.faults, arguments.seed),
-            *healthy_cases(arguments.healthy, arguments.seed),
-        ]
+        seed = 10 * arguments.seed + arguments.devices.index(folder)  # no unit is used twice
+        cases = [*fault_cases(names, arguments.faults, seed)]
+        cases += healthy_cases(arguments.healthy, seed)
         results = [bench.run(case) for case in cases]
         total += results
         seconds = time.perf_counter() - started_at

@@ -93,7 +93,8 @@ class _Scores:
     def matrix(self, extent: float) -> Float:
         """Return log likelihoods (channels, cords) at an extent of all poses."""
         z = (self._measured[:, :, None] - extent * self._mean[:, None]) / self._deviation[:, None]
-        return self._fixed + np.nansum(-0.5 * z**2 - np.log(self._deviation[:, None]), axis=0)
+        changes = np.nansum(-0.5 * z**2 - np.log(self._deviation[:, None]), axis=0)
+        return np.asarray(self._fixed + changes)
 
     def total(self, order: Int) -> float:
         """Return the log likelihood of an order; the extent of each pose is integrated out."""
@@ -132,7 +133,7 @@ def assign_cords(cords: Sequence[ExpectedCord], evidence: Evidence, usable: Bool
         costs = -scores.matrix(extent)[np.ix_(free, free)]
         order[free] = free[linear_sum_assignment(costs)[1]]
         candidates.append(order)
-    candidates += [_exchange(expected, i, j) for i, j in combinations(free, 2)]
+    candidates += [_exchange(expected, i, j) for i, j in combinations(free.tolist(), 2)]
     best = max(candidates, key=scores.total)
     ratio = scores.total(best) - scores.total(expected)
     if ratio <= DECISIVE:

@@ -175,9 +175,7 @@ class Wiring:
                 out[c] = OPEN_OHM
             elif fault.kind == SHORT:
                 out[c] = _SHORT_OHM
-            elif fault.kind == SERIES:
-                out[c] += _amount(fault)
-            elif fault.kind == LOOSE and self._is_contact_open[c]:
+            elif fault.kind == SERIES or (fault.kind == LOOSE and self._is_contact_open[c]):
                 out[c] += _amount(fault)
         return out
 

@@ -225,4 +225,3 @@ class WiringTwin:
                 times.append(round(1e6 * (time + step)) / 1e6)
                 counts.append(np.where(sums == NOT_READ, np.nan, sums / averages))
         return np.array(times), np.array(counts)
-
