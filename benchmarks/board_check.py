@@ -1,7 +1,7 @@
 """Measure which faults of the wiring `defsense board check` finds and names on twins of devices.
 
     python -m benchmarks.board_check my-joystick my-bar my-cube
-    python -m benchmarks.board_check my-bar --faults 30 --healthy 100 --no-poses
+    python -m benchmarks.board_check my-bar --size 0.3 --converter ads1115 --no-poses
 
 Each device must be built until the parts. Every case is another unit, with other cords, noise and
 hand. A fault is found if its channel has a finding, and named if the code is the right one and, for
@@ -15,7 +15,7 @@ import argparse
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ from defsense_fab.capture.board_check.assignment import choose_poses
 from defsense_fab.capture.board_check.diagnosis import diagnose, rest_deviation
 from defsense_fab.capture.board_check.mains import choose_sampling
 from defsense_fab.capture.board_check.records import BoardSetup, ExpectedCord, Finding, Phase
-from defsense_fab.core.device.device import Device
+from defsense_fab.core.device.device import CONVERTERS, Device
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.store.build import Build
 from defsense_fab.twin.live.wiring_twin import WiringTwin, WiringTwinOptions
@@ -47,7 +47,9 @@ KINDS: tuple[tuple[str, str, tuple[float, float] | None], ...] = (
     ("loose", "loose", (5.0, 7.0)),  # open while it moves
     ("reference", "saturated", (2.0, 2.1)),
     ("reference", "saturated", (-2.1, -2.0)),
+    ("supply", "saturated", (0.15, 0.2)),  # 5 V instead of 3.3 V
 )
+_SIZED = ("noisy", "hum", "loose", "rest-off")
 REST_S, WIGGLE_S, POSE_S, LEAD_S = 5.0, 3.0, 2.0, 1.5
 
 
@@ -99,22 +101,27 @@ class Result:
         return [f for f in self.findings if f.code != "ok" and f.cord not in self.case.channels]
 
 
-def fault_cases(names: Sequence[str], count: int, seed: int = 1) -> Iterator[Case]:
+def fault_cases(
+    names: Sequence[str], count: int, seed: int = 1, size: float = 1.0
+) -> Iterator[Case]:
     """Yield cases with one fault each, of all kinds in turn.
 
     Args:
         names: Names of the channels.
         count: Number of cases.
         seed: Seed of channels and sizes; units are numbered from 100 times the seed on.
+        size: Factor of the sizes of noise, hum, loose contacts and additional resistances.
     """
     rng = np.random.default_rng(seed)
     for k in range(count):
         kind, code, exponents = KINDS[k % len(KINDS)]
         number = 2 if kind in ("swap", "bridge") else 1
         chosen = tuple(str(n) for n in rng.permutation(names)[:number])
-        size = "" if exponents is None else f"*{10 ** rng.uniform(*exponents):.4g}"
-        word = f"{kind}={'+'.join(chosen)}{size}"
-        yield Case(WiringTwinOptions(100 * seed + k, seed, 1.0, (word,)), code, chosen)
+        affected = tuple(names) if kind == "supply" else chosen
+        amount = 1.0 if exponents is None else 10 ** rng.uniform(*exponents)
+        amount *= size if code in _SIZED else 1.0
+        word = f"{kind}={'+'.join(chosen)}" + ("" if exponents is None else f"*{amount:.4g}")
+        yield Case(WiringTwinOptions(100 * seed + k, seed, 1.0, (word,)), code, affected)
 
 
 def healthy_cases(count: int, seed: int = 1) -> Iterator[Case]:
@@ -165,13 +172,13 @@ def table(results: Sequence[Result]) -> list[str]:
         )
     sound = [r for r in results if not r.case.code]
     alarms = Counter(f.code for r in results for f in r.false_alarms)
+    channels = sum(len(r.findings) - len(r.case.channels) for r in results)
     lines += [
         f"{'all':<16} {len(faulty):>5} {sum(r.is_found for r in faulty):>5}"
         f" {sum(r.is_named for r in faulty):>5}",
-        f"sound units: {len(sound)},"
-        f" with a false alarm: {sum(bool(r.false_alarms) for r in sound)};"
-        f" sound channels: {sum(len(r.findings) - len(r.case.channels) for r in results)},"
-        f" false alarms: {sum(alarms.values())} {dict(alarms) or ''}",
+        f"sound units: {len(sound)}, {sum(bool(r.false_alarms) for r in sound)} with a false alarm;"
+        f" sound channels of all units: {channels}, {sum(alarms.values())} with a false alarm"
+        f" {dict(alarms) or ''}",
     ]
     return lines
 
@@ -180,26 +187,28 @@ def main() -> None:
     """Print the tables of the devices."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("devices", nargs="+", type=Path)
-    parser.add_argument("--faults", type=int, default=30)
+    parser.add_argument("--faults", type=int, default=32)
     parser.add_argument("--healthy", type=int, default=30)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--size", type=float, default=1.0, help="factor of the faults' sizes")
+    parser.add_argument("--converter", choices=list(CONVERTERS))
     parser.add_argument("--no-wiggle", action="store_true")
     parser.add_argument("--no-poses", action="store_true")
     parser.add_argument("--list", action="store_true", help="print each case that was not named")
     arguments = parser.parse_args()
     total: list[Result] = []
     for folder in arguments.devices:
+        device = load_device(folder)
         bench = Bench(
-            load_device(folder),
+            replace(device, converter=arguments.converter or device.converter),
             has_wiggle=not arguments.no_wiggle,
             has_poses=not arguments.no_poses,
         )
         names = [c.name for c in bench.cords]
         started_at = time.perf_counter()
-        cases = [
-            *fault_cases(names, arguments.faults, arguments.seed),
-            *healthy_cases(arguments.healthy, arguments.seed),
-        ]
+        seed = 10 * arguments.seed + arguments.devices.index(folder)  # no unit is used twice
+        cases = [*fault_cases(names, arguments.faults, seed, arguments.size)]
+        cases += healthy_cases(arguments.healthy, seed)
         results = [bench.run(case) for case in cases]
         total += results
         seconds = time.perf_counter() - started_at

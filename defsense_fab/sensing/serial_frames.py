@@ -86,6 +86,11 @@ class Info:
     most_channels: int
     full_scale: int
 
+    @property
+    def is_outdated(self) -> bool:
+        """Whether the board's firmware is older than `FIRMWARE_VERSION`."""
+        return (self.protocol, self.version) < (PROTOCOL, FIRMWARE_VERSION)
+
 
 @dataclass(frozen=True)
 class Text:
@@ -99,6 +104,11 @@ class Text:
 
 
 Message = Sample | Info | Text
+
+
+def format_version(version: tuple[int, int]) -> str:
+    """Return a version of the firmware for people, such as "1.0"."""
+    return ".".join(map(str, version))
 
 
 def converter_code(converter: str) -> int:

@@ -343,6 +343,13 @@ static void read_host(void)
         avr_cycle_timer_register(avr, byte_cycles(), feed, NULL);
 }
 
+static void discard_from_host(void)
+{
+    do
+        from_host_next = from_host_count = 0;
+    while (read(pty, from_host, sizeof from_host) > 0);
+}
+
 /* ---- the board ---- */
 
 static double wall(void)
@@ -523,7 +530,7 @@ int main(int argc, char **argv)
             press_reset();
         if (was_reset) { /* which ends all timers, and loses the bytes on their way */
             was_reset = false;
-            from_host_next = from_host_count = 0;
+            discard_from_host();
             avr_cycle_timer_register(avr, TICK, tick, &began);
         }
         state = avr_run(avr);

@@ -21,7 +21,7 @@ from defsense_fab.capture.readout import greeting
 from defsense_fab.capture.readout.ports import Port, open_port
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CaptureError
-from defsense_fab.sensing.serial_frames import FIRMWARE_VERSION
+from defsense_fab.sensing.serial_frames import FIRMWARE_VERSION, format_version
 from defsense_fab.workflow.board import readout
 from defsense_fab.workflow.board.flash import flash_board
 from defsense_fab.workflow.board.options import FlashOptions
@@ -31,6 +31,7 @@ from tests.support.errors import raises
 from tests.support.places import BAR
 
 BAUD_RATES = {"optiboot": 115200, "atmegaboot": 57600}
+VERSION = format_version(FIRMWARE_VERSION)
 DIVIDER = IMAGES["nano", "arduino"].read()
 
 
@@ -66,8 +67,7 @@ def test_empty_board_runs_the_firmware(arduino, boot_loader):
     start, memory = arduino
     running = start(boot_loader)
     result = write_anyway(running)
-    assert result.version == FIRMWARE_VERSION
-    assert (result.previous, result.channels) == (None, 8)
+    assert (result.version, result.previous, result.channels) == (VERSION, "", 8)
     assert result.boot_loader.baud == BAUD_RATES[boot_loader]
     assert flash_board(None, FlashOptions(port=running.url)).boot_loader is None
     running.stop()
@@ -86,7 +86,7 @@ def test_firmware_for_another_converter_or_board_replaces_the_installed(arduino,
     table = '[readout]\nboard = "uno"\nconverter = "ads1115"\n'
     (tmp_path / "device.toml").write_text(f"{device}\n{table}", "utf-8")
     result = flash_board(tmp_path, FlashOptions(port=running.url))
-    assert (result.previous, result.version) == (FIRMWARE_VERSION, FIRMWARE_VERSION)
+    assert (result.previous, result.version) == (VERSION, VERSION)
     assert (result.file, result.channels) == ("ads1115.hex", 0)
 
 
@@ -154,11 +154,11 @@ def test_older_firmware_is_recognized_and_updated(arduino, old_firmware, monkeyp
     monkeypatch.setattr(readout, "serial_ports", lambda: [Port(running.url, "")])
     offer = f"defsense board flash --port {running.url}"
     (before,) = readout.list_ports()
-    assert (before.firmware, before.update) == ((0, 9), FIRMWARE_VERSION)
+    assert (before.firmware, before.update) == ("0.9", VERSION)
     assert offer in hardware.describe_board(running.url)
     assert main(["board", "flash", "--port", running.url, "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
-    assert (result["previous"], result["version"]) == ([0, 9], list(FIRMWARE_VERSION))
+    assert (result["previous"], result["version"]) == ("0.9", VERSION)
     assert main(["board", "ports"]) == 0
     assert offer not in capsys.readouterr().out
     assert main(["board", "flash", "--port", running.url]) == 0

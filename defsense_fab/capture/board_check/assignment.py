@@ -71,16 +71,14 @@ def _rest_likelihood(cords: Sequence[ExpectedCord], evidence: Evidence) -> Float
     return np.where(known[:, None], np.log(np.where(np.isfinite(mixed), mixed, 1.0)), 0.0)
 
 
-def _changes(
-    cords: Sequence[ExpectedCord], evidence: Evidence
-) -> tuple[Float, Float, Float, list[str]]:
-    """Return measured changes (p, c), expected ones (p, k), their deviations, and the poses."""
+def _changes(cords: Sequence[ExpectedCord], evidence: Evidence) -> tuple[Float, Float, Float]:
+    """Return measured changes (p, c), expected ones (p, k), and their deviations (p, k)."""
     names = list(evidence.changes)
-    measured = np.array([evidence.changes[n] for n in names]).reshape(len(names), -1)
+    shape = len(names), len(cords)
+    measured = np.array([evidence.changes[n] for n in names]).reshape(shape)
     mean = np.array([[c.changes[n].mean for c in cords] for n in names])
     deviation = np.array([[c.changes[n].deviation for c in cords] for n in names])
-    shape = len(names), len(cords)
-    return measured, mean.reshape(shape), deviation.reshape(shape), names
+    return measured, mean.reshape(shape), deviation.reshape(shape)
 
 
 class _Scores:
@@ -88,12 +86,13 @@ class _Scores:
 
     def __init__(self, cords: Sequence[ExpectedCord], evidence: Evidence) -> None:
         self._fixed = _rest_likelihood(cords, evidence) + evidence.reactions.T
-        self._measured, self._mean, self._deviation, _ = _changes(cords, evidence)
+        self._measured, self._mean, self._deviation = _changes(cords, evidence)
 
     def matrix(self, extent: float) -> Float:
         """Return log likelihoods (channels, cords) at an extent of all poses."""
         z = (self._measured[:, :, None] - extent * self._mean[:, None]) / self._deviation[:, None]
-        return self._fixed + np.nansum(-0.5 * z**2 - np.log(self._deviation[:, None]), axis=0)
+        changes = np.nansum(-0.5 * z**2 - np.log(self._deviation[:, None]), axis=0)
+        return np.asarray(self._fixed + changes)
 
     def total(self, order: Int) -> float:
         """Return the log likelihood of an order; the extent of each pose is integrated out."""
@@ -132,7 +131,7 @@ def assign_cords(cords: Sequence[ExpectedCord], evidence: Evidence, usable: Bool
         costs = -scores.matrix(extent)[np.ix_(free, free)]
         order[free] = free[linear_sum_assignment(costs)[1]]
         candidates.append(order)
-    candidates += [_exchange(expected, i, j) for i, j in combinations(free, 2)]
+    candidates += [_exchange(expected, i, j) for i, j in combinations(free.tolist(), 2)]
     best = max(candidates, key=scores.total)
     ratio = scores.total(best) - scores.total(expected)
     if ratio <= DECISIVE:

@@ -32,6 +32,12 @@ _TEXTS: dict[str, tuple[str, str]] = {
         "Check the reference resistor (it would have to be {resistor}), and that the dividers are"
         " on the supply pin that the firmware assumes",
     ),
+    "supply": (
+        "{cord} reads {ohm} instead of {expected}: the voltages of all channels are {supply:.2f}"
+        " times the expected ones",
+        "Connect the dividers to the supply pin that the firmware assumes, and check the stated"
+        " reference resistors",
+    ),
     "swapped": (
         "{cord} and {others} are exchanged: this pin reads {others}",
         "Exchange their wires at the board",
@@ -62,7 +68,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
 def finding(
     channel: int,
     cord: ExpectedCord,
-    code: Code | str,
+    code: Code,
     reference: float,
     data: Mapping[str, float],
     others: tuple[str, ...] = (),
@@ -77,11 +83,11 @@ def finding(
         data: Numbers for the texts.
         others: Names of the other cords concerned.
     """
-    key = "bridge" if code == "short" and others else code
+    key: str = "bridge" if code == "short" and others else "supply" if "supply" in data else code
     text, action = _TEXTS[key]
     data = {k: float(v) for k, v in data.items()}
     resistor = reference * cord.ohm / data["ohm"]
-    if code in ("reference-wrong", "saturated"):
+    if key in ("reference-wrong", "saturated"):
         data["resistor"] = nearest_e24(resistor)
     values = {
         **data,
@@ -98,7 +104,7 @@ def finding(
         text.format(**values),
         action.format(**values),
         others,
-        data,  # type: ignore[arg-type]
+        data,
     )
 
 

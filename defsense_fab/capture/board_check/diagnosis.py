@@ -16,13 +16,16 @@ from ...sensing.serial_frames import MAX_COUNT
 from .assignment import Assignment, Evidence, assign_cords, wire_reactions
 from .channel_texts import finding
 from .mains import Hum, fit_hum
-from .records import BoardSetup, ExpectedCord, Finding, Phase
+from .records import BoardSetup, Code, ExpectedCord, Finding, Phase
 
 #: Shares of the supply's voltage below and above which a circuit is shorted or open. A converter
 #: with a reference of its own (ADS1115) also sees the tolerance of the supply, 1.5 % for a usual
 #: 3.3 V regulator (LP2985), and its own gain error of 0.15 %.
 _SHORT_SHARE, _OPEN_SHARE = 0.002, (0.998, 0.982)
 _SUPPLY_RTOL = 0.018
+#: Range of the logarithms of sound channels' voltages relative to the expected ones: a divider
+#: halves the tolerances of cords and resistors, 20 % either way.
+_SUPPLY_SCATTER = 0.2
 #: Ratios from 10^1.5 on are no wrong resistor of a kit's neighboring decade, but an end of the
 #: converter's range: a step of it is then several percent of a cord's signal.
 _SATURATED_DECADES = 1.5
@@ -89,6 +92,7 @@ class _Diagnosis:
         self._noise = np.hypot(self._slope * noise, steps)
         self._hum: list[Hum | None] = [self._fit_hum(c) for c in range(self._count)]
         self._end = [self._find_end(c) for c in range(self._count)]
+        self._supply = self._find_supply()
 
     def findings(self) -> list[Finding]:
         """Return the finding of each channel."""
@@ -100,8 +104,12 @@ class _Diagnosis:
         self, c: int, bridges: dict[int, tuple[int, ...]], assignment: Assignment
     ) -> Finding:
         cord, data = self._cords[c], {"ohm": float(self._ohm[c]), "expected": self._cords[c].ohm}
-        if self._end[c] in ("not-read", "open", "short", "saturated"):
-            return finding(c, cord, self._end[c], self._board.reference[c], data)
+        end = self._end[c]
+        if end is not None and (self._supply == 1.0 or end in ("not-read", "short")):
+            return finding(c, cord, end, self._board.reference[c], data)
+        if self._supply != 1.0:
+            data["supply"] = self._supply
+            return finding(c, cord, "saturated", self._board.reference[c], data)
         if c in bridges:
             others = tuple(self._cords[i].name for i in bridges[c])
             return finding(c, cord, "short", self._board.reference[c], data, others)
@@ -128,8 +136,8 @@ class _Diagnosis:
             return finding(c, cord, "rest-off", self._board.reference[c], data)
         return finding(c, cord, "ok", self._board.reference[c], data)
 
-    def _find_end(self, c: int) -> str:
-        """Return the code of a channel that is not read or at an end of the range, or nothing."""
+    def _find_end(self, c: int) -> Code | None:
+        """Return the code of a channel that is not read or at an end of the range, or None."""
         counts = self._rest.counts[:, c]
         missing = [np.isnan(p.counts[:, c]).mean() for p in (self._rest, *self._wiggles)]
         if max(missing) > _MAX_MISSING_SHARE or not np.isfinite(counts).any():
@@ -142,7 +150,24 @@ class _Diagnosis:
         if share <= _SHORT_SHARE:
             return "short"
         decades = np.log10(self._ohm[c] / self._cords[c].ohm)
-        return "saturated" if abs(decades) > _SATURATED_DECADES else ""
+        return "saturated" if abs(decades) > _SATURATED_DECADES else None
+
+    def _find_supply(self) -> float:
+        """Return the factor by which the voltages of all channels are off; 1 if they are not.
+
+        One wrong supply explains them better than a wrong cord or resistor on every channel, unless
+        each is off by a decade.
+        """
+        read = [c for c in range(self._count) if self._end[c] not in ("not-read", "short")]
+        inside = [c for c in read if self._end[c] != "open"]
+        ohm = np.array([c.ohm for c in self._cords])
+        is_off = [not self._cords[c].low <= self._ohm[c] <= self._cords[c].high for c in read]
+        if len(inside) < 2 or not all(is_off) or all(self._is_decade_off(c) for c in inside):
+            return 1.0
+        ratios = (self._share * (ohm + self._board.reference) / ohm)[inside]
+        factor = float(np.median(ratios))
+        is_common = np.ptp(np.log(ratios)) <= _SUPPLY_SCATTER < abs(np.log(factor))
+        return factor if is_common else 1.0
 
     def _is_sound(self, c: int) -> bool:
         return not self._end[c]

@@ -27,7 +27,7 @@ STEP_S: Mapping[PhaseKind, float] = {"rest": 5.0, "wiggle": 3.0, "pose": 2.0}
 LEAD_S = 1.5
 _LOST_TIMEOUT_S = 10.0  # without a sample, after which the check ends
 _BAR_RANGE = 2.0  # full length of a bar, relative to the expected resistance
-#: Repairs the wiring of a simulated device's hand: kind and subject of a step.
+#: Moves the hand of a simulated device: kind and subject of a step.
 Hand = Callable[[str, str], None]
 CHECK_KEYS: Mapping[RunPhase, tuple[Key, ...]] = {
     "ready": (
@@ -121,7 +121,7 @@ class CheckWork(GuidedWork):
         self.findings: tuple[Finding, ...] = ()
         self._received = _Received()
         self._last_ohm = np.full(len(cords), np.nan)
-        self._late = False
+        self._late, self._step = False, 0
         self._received_at = time.monotonic()
 
     def start(self, step: int) -> None:
@@ -175,8 +175,6 @@ class CheckWork(GuidedWork):
         times = self._received.time
         return times[-1] - times[0] if times else 0.0
 
-    _step = 0
-
     @property
     def _duration(self) -> float:
         return LEAD_S + STEP_S[self._steps[self._step].kind]
@@ -203,7 +201,7 @@ class CheckWork(GuidedWork):
         self._step = state.step
         plan, notes = self._steps[state.step], list(self._notes)
         title = f"Step {state.step + 1} of {self.step_count}"
-        instruction, status, progress = plan.instruction, "Press Enter when ready.", None
+        instruction, status, progress = plan.instruction, "Start the step when ready.", None
         findings = self.diagnose() if state.phase == "done" else ()
         if state.phase == "done":
             faults = [f for f in findings if f.code != "ok"]

@@ -101,7 +101,7 @@ class Hum:
     Attributes:
         frequency: 50 or 60 Hz.
         rms: Root mean square, in the unit of the values.
-        false_alarm: Probability that noise alone fits as well.
+        false_alarm: Upper limit of the probability that white noise alone fits as well.
         residual: Values without hum, offset and drift (n,).
     """
 
@@ -145,6 +145,6 @@ def fit_hum(time: Float, values: Float) -> Hum:
     unknowns = 2 * _HARMONICS
     freedom = len(time) - 3 - unknowns
     ratio = ((before - after) / unknowns) / max(after / freedom, 1e-300)
-    # Frequencies within 1 / duration are not independent: a quarter of those tried are.
-    chance = float(f_distribution.sf(ratio, unknowns, freedom)) * max(tried / 4, 1)
+    # An upper limit by Bonferroni's inequality: close frequencies are not independent.
+    chance = float(f_distribution.sf(ratio, unknowns, freedom)) * tried
     return Hum(frequency, float(hum.std()), min(chance, 1.0), rest - hum)

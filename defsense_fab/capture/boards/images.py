@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ...core.errors import CaptureError
 from ...core.storage.package_data import package_data
-from ...sensing.serial_frames import FIRMWARE_VERSION, PROTOCOL, Info
+from ...sensing.serial_frames import PROTOCOL, Info
 from .intel_hex import read_intel_hex
 
 IMAGES_FOLDER = package_data("firmware") / "images"
@@ -32,7 +32,7 @@ class FirmwareImage:
 
     def runs_on(self, installed: Info) -> bool:
         """Return whether a board runs this firmware, in this or a later version."""
-        if (installed.protocol, installed.version) < (PROTOCOL, FIRMWARE_VERSION):
+        if installed.is_outdated:
             return False
         if installed.protocol > PROTOCOL:  # its other fields are unknown
             return True
@@ -72,8 +72,3 @@ def find_image(board: str, converter: str) -> FirmwareImage:
             converter=converter,
         )
     return image
-
-
-def format_version(version: tuple[int, int]) -> str:
-    """Return a version for people, such as "1.0"."""
-    return ".".join(map(str, version))

@@ -128,8 +128,7 @@ def write_flash(port: BootPort, image: bytes, name: str, progress: Progress = si
         )
     session, is_written = _Session(port), False
     try:
-        progress("connect", 0, "resetting the board")
-        boot_loader = session.connect(name)
+        boot_loader = session.connect(name, progress)
         progress("connect", 1, "done")
         is_written = True  # from now on the old program may be lost
         pages = [(a, image[a : a + PAGE_BYTES]) for a in range(0, len(image), PAGE_BYTES)]
@@ -165,9 +164,12 @@ class _Session:
     def __init__(self, port: BootPort) -> None:
         self._port = port
 
-    def connect(self, name: str) -> BootLoader:
+    def connect(self, name: str, progress: Progress) -> BootLoader:
         """Reset the board until a boot loader answers, at each speed in turn."""
-        for baud in BAUD_RATES * ROUNDS:
+        attempts = BAUD_RATES * ROUNDS
+        for number, baud in enumerate(attempts):
+            hint = "" if number < len(BAUD_RATES) else "; press the board's reset button repeatedly"
+            progress("connect", number / len(attempts), f"trying {baud} baud{hint}")
             try:
                 self._synchronize(baud)
                 version = self._parameter(_SOFTWARE_MAJOR), self._parameter(_SOFTWARE_MINOR)
@@ -182,8 +184,8 @@ class _Session:
             code="boot-loader-silent",
             where=name,
             action=(
-                "Press the board's reset button while the command tries again, and check that this"
-                " is an Arduino Nano or Uno"
+                "Check that this is an Arduino Nano or Uno, run the command again, and press the"
+                " board's reset button about once a second until the progress moves"
             ),
             baud_rates=BAUD_RATES,
         )
@@ -229,11 +231,10 @@ class _Session:
         self._discard_input()  # of the program that ran before
         for _ in range(SYNC_TRIES):
             port.write(_GET_SYNC + _END)
-            port.timeout = SYNC_TIMEOUT_S
-            if (_IN_SYNC + _OK) in port.read(2):
-                self._discard_input()
+            is_in_sync = self._wait_for(_IN_SYNC + _OK)
+            self._discard_input()  # answers to earlier attempts
+            if is_in_sync:
                 return
-            self._discard_input()
         raise _OutOfStepError("no answer")
 
     def _set_reset_lines(self, is_on: bool) -> None:
@@ -244,8 +245,18 @@ class _Session:
             if error.errno not in (errno.EINVAL, errno.ENOTTY):
                 raise
 
+    def _wait_for(self, answer: bytes) -> bool:
+        """Return whether an answer arrives, also behind other bytes."""
+        end, received = time.monotonic() + SYNC_TIMEOUT_S, b""
+        while (remaining := end - time.monotonic()) > 0:
+            self._port.timeout = remaining
+            received = received[-1:] + self._port.read(1)
+            if received == answer:
+                return True
+        return False
+
     def _discard_input(self) -> None:
-        """Discard bytes until the line is quiet: answers to earlier attempts, or a program's."""
+        """Discard bytes until the line is quiet."""
         end = time.monotonic() + SYNC_TIMEOUT_S
         self._port.timeout = QUIET_S
         while time.monotonic() < end and self._port.read(256):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ...core.errors import CaptureError
-from ...sensing.serial_frames import FIRMWARE_VERSION, PROTOCOL, Info, Message, Sample, Stream, Text
+from ...sensing.serial_frames import PROTOCOL, Info, Message, Sample, Stream, Text
 from .network_port import NetworkPort
 
 #: Boards restart when their port is opened, and a boot loader may wait for two seconds.
@@ -205,6 +205,4 @@ def _silence_error(answer: bytes, name: str) -> CaptureError:
 
 def _update_or(info: Info, action: str) -> str:
     """Return what to do about a board: update its firmware if that is older, else `action`."""
-    if (info.protocol, info.version) < (PROTOCOL, FIRMWARE_VERSION):
-        return "Update the firmware with defsense board flash"
-    return action
+    return "Update the firmware with defsense board flash" if info.is_outdated else action

@@ -74,14 +74,11 @@ def _ask(port: str) -> bool:
 
 
 def _describe(result: FlashResult) -> list[str]:
-    version = ".".join(map(str, result.version))
     if result.boot_loader is None:
-        lines = [f"{result.port} already runs firmware {version}; --force writes it again."]
-    elif result.previous is None:
-        lines = [f"{result.port} runs firmware {version}."]
+        lines = [f"{result.port} already runs firmware {result.version}; --force writes it again."]
     else:
-        previous = ".".join(map(str, result.previous))
-        lines = [f"{result.port} runs firmware {version}; it had {previous}."]
+        before = f"; it had {result.previous}" if result.previous else ""
+        lines = [f"{result.port} runs firmware {result.version}{before}."]
     if not result.channels:
         lines.append("No ADS1115 answers yet: check its wiring before you read the board.")
     return [*lines, f"Next:    defsense board ports --port {result.port}"]

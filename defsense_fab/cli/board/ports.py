@@ -90,13 +90,9 @@ def _print_ports(readings: Sequence[PortReading], output: OutputOptions) -> None
         print_lines([f"{p.device:<16} {p.description}", *([f"  {p.problem}"] if p.problem else [])])
         if p.ohm is not None:
             console().print(_bars(p.ohm))
-        if p.firmware and p.update:
-            print_lines(
-                [
-                    f"  Firmware {_version(p.update)} is available (installed:"
-                    f" {_version(p.firmware)}): defsense board flash --port {p.device}"
-                ]
-            )
+        if p.update:
+            offer = f"defsense board flash --port {p.device}"
+            print_lines([f"  Firmware {p.update} is available (installed: {p.firmware}): {offer}"])
     if readings:
         shown = next((p for p in readings if p.ohm is not None), readings[0])
         next_step = f"defsense board ports --port {shown.device}"
@@ -113,14 +109,10 @@ def _port_data(port: PortReading) -> dict[str, Any]:
     if port.problem:
         data["problem"] = port.problem
     if port.firmware:
-        data["firmware"] = _version(port.firmware)
+        data["firmware"] = port.firmware
     if port.update:
-        data["update"] = _version(port.update)
+        data["update"] = port.update
     return data
-
-
-def _version(version: tuple[int, int]) -> str:
-    return ".".join(map(str, version))
 
 
 def _watch(port: str, board: BoardOptions, seconds: float | None, output: OutputOptions) -> None:

@@ -18,7 +18,7 @@ from ...core.errors import CaptureError
 from ...optimization.studies.tolerance_monte_carlo import Tolerances, sample_built_cord
 from ...sensing.built_cord import CordReading
 from ...sensing.response import Response
-from ...sensing.serial_frames import NOT_READ
+from ...sensing.serial_frames import NOT_READ, converter_code
 from ...store.build import Build
 from ..devices.simulated_device import load_simulated_device
 from ..electronics.cords import CordFault, CordTraits, DeviceCords
@@ -116,7 +116,7 @@ class WiringTwin:
         self._device, self._speed = device, options.speed
         resistors = {c.sensor: c.reference_resistor for c in build.manifest.cords}
         self.reference = np.array([resistors[n] for n in sim.names])
-        self.converter = list(CONVERTERS).index(device.converter)
+        self.converter = converter_code(device.converter)
         full_scale, self.averages = CONVERTERS[device.converter]
         self.full_scale = full_scale if self.converter else _ARDUINO_FULL_SCALE
         self._ramps = {r.name: r for r in sim.ramps}

@@ -75,7 +75,7 @@ def check_board(
     screen: AbstractContextManager[Screen],
     auto: bool = False,
     page: int | None = None,
-    on_page: Callable[[str], None] = lambda _url: None,
+    on_page: Callable[[str], None] | None = None,
 ) -> BoardCheck:
     """Check the wiring of a device, step by step.
 
@@ -183,11 +183,16 @@ class _TwoScreens:
 
 
 @contextmanager
-def _with_page(screen: Screen, port: int, on_page: Callable[[str], None]) -> Iterator[Screen]:
+def _with_page(
+    screen: Screen, port: int, on_page: Callable[[str], None] | None
+) -> Iterator[Screen]:
     """Serve a page that shows the run, in addition to a screen."""
     with open_page(port, _TITLE) as page:
-        page.server.gui.configure_theme(control_width="large", show_logo=False)
-        on_page(page.url)
+        page.server.gui.configure_theme(
+            control_width="large", show_logo=False, show_share_button=False
+        )
+        if on_page is not None:
+            on_page(page.url)
         guided = GuidedScreen(page.server, None, _TITLE)
         yield _TwoScreens(screen, guided)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from ...capture.boards.images import FirmwareImage, find_image, format_version
+from ...capture.boards.images import FirmwareImage, find_image
 from ...capture.boards.stk500 import BootLoader, write_flash
 from ...capture.readout.ports import find_only_port, open_port
 from ...capture.readout.reader import Reader
@@ -15,7 +15,7 @@ from ...core.device.boards import ADS1115, find_board
 from ...core.device.device_file import load_device
 from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
-from ...sensing.serial_frames import FIRMWARE_VERSION, Info
+from ...sensing.serial_frames import FIRMWARE_VERSION, Info, format_version
 from .options import FlashOptions
 
 _DEFAULT_BOARD = "nano"
@@ -32,7 +32,7 @@ class FlashResult:
         port: Port of the board.
         file: File of the firmware's image.
         version: Version that the board reports.
-        previous: Version that it reported before; None for another program, or if it was not
+        previous: Version that it reported before; empty for another program, or if it was not
             read.
         boot_loader: The boot loader that wrote the firmware; None if it was not written, because
             the board runs this version or a later one.
@@ -41,8 +41,8 @@ class FlashResult:
 
     port: str
     file: str
-    version: tuple[int, int]
-    previous: tuple[int, int] | None
+    version: str
+    previous: str
     boot_loader: BootLoader | None
     channels: int
 
@@ -124,9 +124,9 @@ def _result(
     installed: Info | None,
     boot_loader: BootLoader | None,
 ) -> FlashResult:
-    previous = None if installed is None else installed.version
-    channels = running.most_channels
-    return FlashResult(port, image.file, running.version, previous, boot_loader, channels)
+    version = format_version(running.version)
+    previous = "" if installed is None else format_version(installed.version)
+    return FlashResult(port, image.file, version, previous, boot_loader, running.most_channels)
 
 
 def _not_running(port: str, running: Info | None) -> CaptureError:

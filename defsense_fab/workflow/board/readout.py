@@ -15,7 +15,7 @@ from ...capture.readout.reader import ReadoutSettings
 from ...capture.readout.source import ReadoutStatistics, Source, StampedSample
 from ...core.arrays import Float
 from ...core.errors import CaptureError
-from ...sensing.serial_frames import FIRMWARE_VERSION, Info
+from ...sensing.serial_frames import FIRMWARE_VERSION, Info, format_version
 from ...sensing.voltage_divider import Dividers, measure_reference, reference_resistors
 from ...twin.live.sample_sources import open_source
 from .options import BoardOptions, ReferenceOptions
@@ -35,20 +35,16 @@ class PortReading:
         description: Description that the port gives of itself; empty if none.
         ohm: Resistances (c,), ohm; None if the port was not opened or has no board.
         problem: Why no board could be read; empty if one was, or if the port was not opened.
-        firmware: Version of the board's firmware; None if no board could be read.
+        firmware: Version of the board's firmware; empty if no board could be read.
+        update: Version of the firmware to update to; empty if the board's is not older.
     """
 
     device: str
     description: str
     ohm: Float | None = None
     problem: str = ""
-    firmware: tuple[int, int] | None = None
-
-    @property
-    def update(self) -> tuple[int, int] | None:
-        """Version of the firmware to update to; None if the board's is not older."""
-        is_older = self.firmware is not None and self.firmware < FIRMWARE_VERSION
-        return FIRMWARE_VERSION if is_older else None
+    firmware: str = ""
+    update: str = ""
 
 
 @dataclass(frozen=True)
@@ -161,7 +157,8 @@ def _read_port(port: str, description: str, board: BoardOptions) -> PortReading:
     except CaptureError as error:
         return PortReading(port, description, problem=str(error).removeprefix(f"{port}: "))
     ohm = _dividers(board, info).resistance(latest.sample.counts)
-    return PortReading(port, description, ohm, firmware=info.version)
+    update = format_version(FIRMWARE_VERSION) if info.is_outdated else ""
+    return PortReading(port, description, ohm, firmware=format_version(info.version), update=update)
 
 
 def _dividers(board: BoardOptions, info: Info) -> Dividers:

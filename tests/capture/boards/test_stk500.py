@@ -18,8 +18,8 @@ LENGTHS = {b"0": 2, b"A": 3, b"u": 2, b"U": 4, b"Q": 2, b"t": 5, b"d": 5 + 128}
 
 @pytest.fixture(autouse=True)
 def _no_waiting(monkeypatch):
-    for name in ("DTR_OFF_S", "START_S", "QUIET_S"):
-        monkeypatch.setattr(stk500, name, 0)
+    for name in ("DTR_OFF_S", "START_S", "QUIET_S", "SYNC_TIMEOUT_S"):
+        monkeypatch.setattr(stk500, name, 0.001)
 
 
 class FakePort:

@@ -1,17 +1,22 @@
 """The commands `defsense board ...`: what they print and refuse."""
 
 import json
+import os
 import shutil
 from dataclasses import replace
 
 import pytest
+import serial
 
+from defsense_fab.capture.boards import stk500
+from defsense_fab.capture.readout import greeting
 from defsense_fab.capture.readout.paired_boards import store_board
-from defsense_fab.cli.exit_codes import DONE
-from defsense_fab.cli.main import run_command
+from defsense_fab.cli.exit_codes import DONE, STOPPED
+from defsense_fab.cli.main import main, run_command
 from defsense_fab.core.errors import CaptureError, DefsenseError, DeviceError
 from defsense_fab.core.storage import typed_json
 from defsense_fab.store.manifest import MANIFEST
+from defsense_fab.workflow.board import flash
 from defsense_fab.workflow.board.wiring import plan_if_possible
 from tests.capture.readout.fake_board import BOARD_ID, KEY, FakeBoard
 from tests.report.wiring.plans import manifest_of
@@ -131,3 +136,39 @@ def test_too_many_cords_for_a_board_are_a_note_of_the_build():
     assert wiring is None
     assert len(notes) == 1
     assert plan_if_possible(replace(device, converter="ads1115"), manifest)[1] == ()
+
+
+@pytest.fixture
+def silent_port(monkeypatch):
+    """Return the port of a board on which nothing answers."""
+    board, port = os.openpty()
+    monkeypatch.setattr(greeting, "GREETING_TIMEOUT_S", 0.2)
+    yield os.ttyname(port)
+    os.close(board)
+    os.close(port)
+
+
+def test_another_program_is_replaced_only_on_request(silent_port):
+    with raises(CaptureError, "replacement-not-confirmed", port=silent_port):
+        run_command(["board", "flash", "--port", silent_port, "--json"])
+
+
+def test_silent_boot_loader_is_reported(silent_port, monkeypatch):
+    for name in ("SYNC_TIMEOUT_S", "DTR_OFF_S"):
+        monkeypatch.setattr(stk500, name, 0.01)
+    with raises(CaptureError, "boot-loader-silent"):
+        run_command(["board", "flash", "--port", silent_port, "--yes"])
+
+
+def test_interrupted_flash_states_what_is_kept(silent_port, monkeypatch, capsys):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(flash, "write_flash", interrupt)
+    assert main(["board", "flash", "--port", silent_port, "--yes"]) == STOPPED
+    assert "boot loader" in capsys.readouterr().err
+
+
+def test_port_in_use_is_not_written(silent_port):
+    with serial.Serial(silent_port, exclusive=True), raises(CaptureError, "port-busy"):
+        run_command(["board", "flash", "--port", silent_port, "--yes"])
