@@ -154,12 +154,13 @@ def test_bad_network_and_a_restart():
     counts = statistics.network
     assert counts.reordered > 0
     assert counts.duplicates > 0
-    assert counts.rejected == 0
     dropped = sum(
         len([c for c in boot.dropped if run[0][0].sample.counter < c < run[-1][0].sample.counter])
         for boot, run in zip(board.boots, runs, strict=True)
     )
-    assert dropped <= statistics.lost <= dropped + counts.late  # late ones may be pongs
+    # Late ones may be pongs. A busy machine sends many samples at once, which are then more than 64
+    # packets ahead of delayed ones: these are rejected.
+    assert dropped <= statistics.lost <= dropped + counts.late + counts.rejected
     assert all((np.diff([i.device_us for i, _ in run]) > 0).all() for run in runs)
     errors = alignment_errors(board, runs)
     assert np.median(errors) < 0.02
