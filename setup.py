@@ -10,7 +10,7 @@ from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
 PACKAGE = Path("defsense_fab")
-KINDS = {".toml", ".py", ".stl", ".md", ".png", ".ino", ".h", ".c", ".cpp", ".properties"}
+KINDS = {".toml", ".py", ".stl", ".md", ".png", ".ino", ".h", ".c", ".cpp", ".properties", ".hex"}
 
 
 def carried(name, folder):

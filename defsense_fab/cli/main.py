@@ -41,7 +41,7 @@ _INTERRUPTED = {
     "build": "The previous build is unchanged; rerun the command to resume. Completed stages and"
     " solved poses are kept.",
     "capture": "Completed recordings are kept; files that were being written are not.",
-    "board": "Rerun the command to start again.",
+    "board": "Rerun the command to start again; a board's boot loader is never overwritten.",
     "calibrate": "Recorded data are kept; rerun the command to resume.",
     "dataset": "Nothing was written; an existing dataset is unchanged.",
     "evaluate": "Nothing was written; an existing evaluation is unchanged.",

@@ -16,6 +16,8 @@ from ..core.arrays import Float
 from ..core.device.boards import ADS1115
 
 PROTOCOL = 1
+#: Version of the firmware in `firmware/DefSense` (`DefSense.cpp`).
+FIRMWARE_VERSION = (1, 0)
 #: Sum of a channel that could not be read.
 NOT_READ = 0xFFFFFF
 MAX_CHANNELS = 16
@@ -84,6 +86,11 @@ class Info:
     most_channels: int
     full_scale: int
 
+    @property
+    def is_outdated(self) -> bool:
+        """Whether the board's firmware is older than `FIRMWARE_VERSION`."""
+        return (self.protocol, self.version) < (PROTOCOL, FIRMWARE_VERSION)
+
 
 @dataclass(frozen=True)
 class Text:
@@ -97,6 +104,11 @@ class Text:
 
 
 Message = Sample | Info | Text
+
+
+def format_version(version: tuple[int, int]) -> str:
+    """Return a version of the firmware for people, such as "1.0"."""
+    return ".".join(map(str, version))
 
 
 def converter_code(converter: str) -> int:

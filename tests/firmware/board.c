@@ -1,7 +1,7 @@
 /* A simulated board: an ATmega328P at 16 MHz on simavr that runs the real firmware.
  *
- *   board FIRMWARE.elf --log LOG [--seconds N] [--fast] [--seed N] [--channels-mv FILE]
- *         [--ads N] [--stop-chip SECONDS]
+ *   board [FIRMWARE.elf] --log LOG [--seconds N] [--fast] [--seed N] [--channels-mv FILE]
+ *         [--ads N] [--stop-chip SECONDS] [--bootloader ADDRESS:BINARY] [--flash FILE]
  *
  * The first line on stdout is the path of the serial port, a pty. --seconds and --stop-chip count
  * simulated time. In real time (the default) what does not fit into the pty is lost, as in a USB
@@ -11,6 +11,14 @@
  * acknowledging. The inputs swing slowly, each with its own period, between 1 and 4 V on the
  * internal ADC and between 0.66 and 2.64 V on the ADS1115s, unless --channels-mv gives lines of
  * "seconds mV0 mV1 ..." to interpolate between.
+ *
+ * --bootloader programs a boot loader, which starts at each reset. --flash FILE keeps the flash
+ * memory in a file: it is read at the start if it exists, and written at the end, which is a loss
+ * of power at any moment. SIGUSR1 presses the reset button, as DTR does on a board; a program that
+ * crashes waits for it. Without FIRMWARE.elf, the memory is empty or that of the file.
+ *
+ * The serial line works at one speed: if the host has set another one than the board, each byte
+ * arrives as another byte, at the board with a framing error.
  *
  * LOG gets a line "cycle channel count" for each conversion when it begins: the internal ADC has
  * channels 0 to 7, the ADS1115s 100 to 115. The LED's changes are logged as channel 200. */
@@ -38,17 +46,21 @@
 enum {
     FREQUENCY = 16000000,
     TICK = FREQUENCY / 1000,    /* how often the pty and the clock are looked at */
-    BYTE_CYCLES = 10 * 17 * 8,  /* 8N1 at UBRR 16 with double speed */
     CHANNELS = 16,
     ADS_LOGGED_FROM = 100,
     LED_LOGGED_AS = 200,
     TWBR_ADDRESS = 0xB8,
+    UCSR0A_ADDRESS = 0xC0,
+    UBRR0L_ADDRESS = 0xC4,
+    UBRR0H_ADDRESS = 0xC5,
+    U2X0_MASK = 2,
 };
 
 static avr_t *avr;
 static FILE *logfile;
 static bool fast;
-static volatile sig_atomic_t stopped;
+static volatile sig_atomic_t stopped, reset_pressed;
+static bool was_reset; /* since the main loop last looked */
 
 static double seconds(void)
 {
@@ -237,7 +249,7 @@ static void on_twi(struct avr_irq_t *irq, uint32_t value, void *param)
 
 /* ---- the serial line ---- */
 
-static int pty;
+static int pty, slave; /* the slave stays open: the pty reports a hang-up while no one has it open */
 static avr_uart_t *uart;
 static uint8_t to_host[256], from_host[256];
 static size_t to_host_count, from_host_count, from_host_next;
@@ -245,7 +257,6 @@ static unsigned long lost;
 
 static void open_pty(void)
 {
-    int slave; /* stays open, or the pty would report a hang-up whenever no host has it open */
     char path[256];
     struct termios raw;
     if (openpty(&pty, &slave, path, NULL, NULL))
@@ -258,12 +269,41 @@ static void open_pty(void)
     fflush(stdout);
 }
 
+/* Cycles of a byte, 8N1, at the speed that the program on the board has set. */
+static avr_cycle_count_t byte_cycles(void)
+{
+    const int divisor = avr->data[UBRR0L_ADDRESS] + 256 * (avr->data[UBRR0H_ADDRESS] & 15) + 1;
+    return (avr_cycle_count_t)(10 * divisor * (avr->data[UCSR0A_ADDRESS] & U2X0_MASK ? 8 : 16));
+}
+
+/* A UART tolerates some 4 % between the speeds of both ends. */
+static bool speeds_agree(void)
+{
+    static const struct {
+        speed_t code;
+        double baud;
+    } speeds[] = {{B9600, 9600}, {B19200, 19200}, {B38400, 38400}, {B57600, 57600},
+                  {B115200, 115200}};
+    struct termios line;
+    if (tcgetattr(slave, &line))
+        return false;
+    for (size_t i = 0; i < sizeof speeds / sizeof *speeds; ++i)
+        if (speeds[i].code == cfgetospeed(&line))
+            return fabs(10.0 * FREQUENCY / (double)byte_cycles() / speeds[i].baud - 1) < 0.04;
+    return false;
+}
+
+static uint8_t garble(uint8_t byte)
+{
+    return (uint8_t)(byte * 37 + 11);
+}
+
 static void on_byte(struct avr_irq_t *irq, uint32_t value, void *param)
 {
     (void)irq, (void)param;
-    uart->cycles_per_byte = BYTE_CYCLES; /* simavr counts a parity bit too */
+    uart->cycles_per_byte = byte_cycles(); /* simavr counts a parity bit too */
     if (to_host_count < sizeof to_host)
-        to_host[to_host_count++] = (uint8_t)value;
+        to_host[to_host_count++] = speeds_agree() ? (uint8_t)value : garble((uint8_t)value);
 }
 
 static void write_host(void)
@@ -286,8 +326,10 @@ static void write_host(void)
 static avr_cycle_count_t feed(avr_t *a, avr_cycle_count_t when, void *param)
 {
     (void)a, (void)param;
-    avr_raise_irq(uart->io.irq + UART_IRQ_INPUT, from_host[from_host_next++]);
-    return from_host_next < from_host_count ? when + BYTE_CYCLES : 0;
+    const uint8_t byte = from_host[from_host_next++];
+    const uint32_t received = speeds_agree() ? byte : garble(byte) | UART_INPUT_FE;
+    avr_raise_irq(uart->io.irq + UART_IRQ_INPUT, received);
+    return from_host_next < from_host_count ? when + byte_cycles() : 0;
 }
 
 static void read_host(void)
@@ -298,7 +340,14 @@ static void read_host(void)
     from_host_count = count > 0 ? (size_t)count : 0;
     from_host_next = 0;
     if (from_host_count)
-        avr_cycle_timer_register(avr, BYTE_CYCLES, feed, NULL);
+        avr_cycle_timer_register(avr, byte_cycles(), feed, NULL);
+}
+
+static void discard_from_host(void)
+{
+    do
+        from_host_next = from_host_count = 0;
+    while (read(pty, from_host, sizeof from_host) > 0);
 }
 
 /* ---- the board ---- */
@@ -332,8 +381,62 @@ static void on_led(struct avr_irq_t *irq, uint32_t value, void *param)
 
 static void on_signal(int number)
 {
-    (void)number;
-    stopped = 1;
+    if (number == SIGUSR1)
+        reset_pressed = 1;
+    else
+        stopped = 1;
+}
+
+/* ---- reset and flash memory ---- */
+
+static void (*reset_chip)(avr_t *);
+
+static void on_reset(avr_t *a)
+{
+    if (reset_chip)
+        reset_chip(a);
+    was_reset = true;
+}
+
+static void press_reset(void)
+{
+    reset_pressed = 0;
+    avr_reset(avr);
+    avr_regbit_set(avr, avr->reset_flags.extrf);
+}
+
+/* "ADDRESS:FILE", with the address in hexadecimal. */
+static void load_bootloader(const char *text)
+{
+    char *path;
+    const size_t start = strtoul(text, &path, 16);
+    FILE *file = *path == ':' ? fopen(path + 1, "rb") : NULL;
+    if (!file || start > avr->flashend)
+        fail("cannot read the boot loader");
+    const size_t size = fread(avr->flash + start, 1, avr->flashend + 1 - start, file);
+    if (!size || fgetc(file) != EOF)
+        fail("the boot loader does not fit");
+    fclose(file);
+    avr->reset_pc = (avr_flashaddr_t)start;
+    avr->codeend = avr->flashend + 1; /* jumps to what is programmed later are valid, too */
+}
+
+static void load_flash(const char *path)
+{
+    FILE *file = fopen(path, "rb");
+    if (!file)
+        return;
+    if (fread(avr->flash, 1, avr->flashend + 1, file) != avr->flashend + 1)
+        fail("the file of --flash has another size");
+    fclose(file);
+}
+
+static void save_flash(const char *path)
+{
+    FILE *file = fopen(path, "wb");
+    if (!file || fwrite(avr->flash, 1, avr->flashend + 1, file) != avr->flashend + 1)
+        fail("cannot write the file of --flash");
+    fclose(file);
 }
 
 /* stdout belongs to the pty's path. */
@@ -347,12 +450,15 @@ static void quiet(avr_t *a, const int level, const char *format, va_list argumen
 static void make_avr(const char *firmware)
 {
     elf_firmware_t elf = {0};
-    if (elf_read_firmware(firmware, &elf))
+    if (firmware && elf_read_firmware(firmware, &elf))
         fail("cannot read the firmware");
     avr = avr_make_mcu_by_name("atmega328p");
     if (!avr || avr_init(avr))
         fail("simavr has no atmega328p");
-    avr_load_firmware(avr, &elf);
+    reset_chip = avr->reset;
+    avr->reset = on_reset;
+    if (firmware)
+        avr_load_firmware(avr, &elf);
     avr->frequency = FREQUENCY;
     avr->vcc = avr->avcc = avr->aref = 5000;
     avr->log = LOG_WARNING;
@@ -380,9 +486,11 @@ int main(int argc, char **argv)
         {"log", required_argument, NULL, 'l'},   {"seconds", required_argument, NULL, 's'},
         {"fast", no_argument, NULL, 'f'},        {"channels-mv", required_argument, NULL, 'c'},
         {"seed", required_argument, NULL, 'd'},  {"ads", required_argument, NULL, 'a'},
-        {"stop-chip", required_argument, NULL, 'x'}, {NULL, 0, NULL, 0},
+        {"stop-chip", required_argument, NULL, 'x'},
+        {"bootloader", required_argument, NULL, 'b'}, {"flash", required_argument, NULL, 'm'},
+        {NULL, 0, NULL, 0},
     };
-    const char *log_path = "/dev/null";
+    const char *log_path = "/dev/null", *bootloader = NULL, *flash = NULL;
     double limit = INFINITY;
     for (int option; (option = getopt_long(argc, argv, "", options, NULL)) != -1;) {
         switch (option) {
@@ -393,28 +501,47 @@ int main(int argc, char **argv)
         case 'd': seed = (unsigned)atoi(optarg); break;
         case 'a': ads_count = atoi(optarg); break;
         case 'x': ads_stop = atof(optarg); break;
+        case 'b': bootloader = optarg; break;
+        case 'm': flash = optarg; break;
         default: return 2;
         }
     }
-    if (optind != argc - 1 || ads_count < 0 || ads_count > 4)
-        fail("usage: board FIRMWARE.elf --log LOG [options], see the source");
+    if (optind < argc - 1 || (optind == argc && !bootloader) || ads_count < 0 || ads_count > 4)
+        fail("usage: board [FIRMWARE.elf] --log LOG [options], see the source");
     logfile = fopen(log_path, "w");
     if (!logfile)
         fail("cannot write the log");
     avr_global_logger_set(quiet);
-    make_avr(argv[optind]);
+    make_avr(argv[optind]); /* NULL after the last argument */
+    if (flash)
+        load_flash(flash);
+    if (bootloader)
+        load_bootloader(bootloader);
+    press_reset();
     signal(SIGTERM, on_signal);
     signal(SIGINT, on_signal);
+    signal(SIGUSR1, on_signal);
     open_pty();
 
     double began = wall();
-    avr_cycle_timer_register(avr, TICK, tick, &began);
     int state = cpu_Running;
-    while (!stopped && seconds() < limit && state != cpu_Done && state != cpu_Crashed)
+    while (!stopped && seconds() < limit && (bootloader || state < cpu_Done)) {
+        if (reset_pressed)
+            press_reset();
+        if (was_reset) { /* which ends all timers, and loses the bytes on their way */
+            was_reset = false;
+            discard_from_host();
+            avr_cycle_timer_register(avr, TICK, tick, &began);
+        }
         state = avr_run(avr);
+        if (state >= cpu_Done)
+            usleep(1000);
+    }
     write_host();
     fprintf(stderr, "board: %.1f s simulated in %.1f s, %lu bytes lost\n", seconds(),
             wall() - began, lost);
     fclose(logfile);
+    if (flash)
+        save_flash(flash);
     return state == cpu_Crashed;
 }

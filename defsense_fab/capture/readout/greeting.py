@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -87,14 +88,19 @@ class ReadoutSettings:
 
 
 def greet_board(
-    port: Transport, stream: Stream, settings: ReadoutSettings, name: str, stop: threading.Event
+    port: Transport,
+    stream: Stream,
+    accept: Callable[[Info], ReadoutSettings],
+    name: str,
+    stop: threading.Event,
 ) -> tuple[Info, list[tuple[Sample, int]]]:
     """Request frames until the board describes itself, then send the settings.
 
     Args:
         port: The port on which the board answers.
         stream: Decoder of the port's bytes.
-        settings: Settings requested from the board.
+        accept: Receives each description that the board gives of itself, and returns the requested
+            settings; an error that it raises ends the greeting.
         name: Name of the port in messages.
         stop: Ends the greeting early when it is set.
 
@@ -109,7 +115,7 @@ def greet_board(
     started_at, sent_at, answer = time.monotonic(), 0.0, b""
     stream.reset()
     info: Info | None = None
-    early_samples: list[tuple[Sample, int]] = []
+    settings, early_samples = ReadoutSettings(), list[tuple[Sample, int]]()
     is_set_up, command = False, "frames"
     while time.monotonic() - started_at < GREETING_TIMEOUT_S and not stop.is_set():
         if time.monotonic() - sent_at > COMMAND_RETRY_S:
@@ -121,43 +127,49 @@ def greet_board(
             messages += [(message, arrived_ns) for message in stream.feed(data)]
         for message, arrived_ns in messages:
             if isinstance(message, Info):
-                _check(message, name)
-                info, sent_at = message, 0.0
+                settings, info, sent_at = accept(message), message, 0.0
                 next_command = settings.next_command(info)
                 is_set_up, command = next_command is None, next_command or command
             elif isinstance(message, Sample):
-                if settings.fits(message):
-                    early_samples.append((message, arrived_ns))
+                early_samples.append((message, arrived_ns))
             elif isinstance(message, Text) and info is not None:
                 raise CaptureError(
                     f"the read-out board refuses the command {command!r}: {message.text}",
                     code="board-command-refused",
                     where=name,
-                    action="Choose another setting",
+                    action=_update_or(info, "Choose another setting"),
                     command=command,
                 )
         if info is not None and is_set_up:
-            return info, early_samples
+            return info, [(s, at) for s, at in early_samples if settings.fits(s)]
     if info is not None:
         raise CaptureError(
             f"the read-out board does not answer the command {command!r}",
             code="board-command-unanswered",
             where=name,
-            action="Unplug the board, plug it in and try again",
+            action=_update_or(info, "Restart the board and try again"),
             command=command,
         )
     raise _silence_error(answer, name)
 
 
-def _check(info: Info, name: str) -> None:
-    """Raise CaptureError for a board of another protocol or without a converter."""
+def check_info(info: Info, name: str) -> None:
+    """Check a board's description of itself.
+
+    Args:
+        info: The description.
+        name: Name of the port in messages.
+
+    Raises:
+        CaptureError: The board speaks another protocol, or finds no converter.
+    """
     if info.protocol != PROTOCOL:
         raise CaptureError(
             f"the read-out board's firmware speaks protocol {info.protocol}, this version"
             f" reads {PROTOCOL}",
             code="firmware-protocol-differs",
             where=name,
-            action="Upload the firmware of this version (firmware/), or update defsense-fab",
+            action=_update_or(info, "Update defsense-fab"),
             protocol=info.protocol,
         )
     if not info.most_channels:
@@ -176,13 +188,21 @@ def _silence_error(answer: bytes, name: str) -> CaptureError:
             "nothing answers",
             code="board-silent",
             where=name,
-            action="Check that this is the board's port and that firmware/ is on the board",
+            action=(
+                "Check that this is the board's port, and write the firmware with defsense board"
+                " flash if the board is new"
+            ),
         )
     text = answer[-_QUOTED_BYTES:].decode("ascii", "replace")
     return CaptureError(
         f"the device does not run this firmware (it sends {text!r})",
         code="board-firmware-unknown",
         where=name,
-        action="Upload firmware/ to the read-out board, or choose another port",
+        action="Write the firmware with defsense board flash, or choose another port",
         text=text,
     )
+
+
+def _update_or(info: Info, action: str) -> str:
+    """Return what to do about a board: update its firmware if that is older, else `action`."""
+    return "Update the firmware with defsense board flash" if info.is_outdated else action

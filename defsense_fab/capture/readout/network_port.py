@@ -346,12 +346,13 @@ def _pairing_key(address: NetworkAddress, packet: bytes, challenge: Challenge) -
         key = board.key
     if has_valid_tag(packet, key):
         return key
+    problem = f"the board {board_id} has another key than this computer"
+    action = "Connect it by USB and pair it again (defsense board pair)"
+    if not address.is_authenticated:
+        problem = f"the board {board_id} has a key"
+        action = "Remove ?key=none from the URL"
     raise CaptureError(
-        f"the board {board_id} has another key than this computer",
-        code="pairing-key-differs",
-        where=address.url,
-        action="Connect it by USB and pair it again (defsense board pair)",
-        board=board_id,
+        problem, code="pairing-key-differs", where=address.url, action=action, board=board_id
     )
 
 

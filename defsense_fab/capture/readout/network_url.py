@@ -11,6 +11,8 @@ from ...sensing.packets import PORT
 from .paired_boards import find_board, is_board_id
 
 SCHEMES = ("udp", "tcp")
+#: What `?key=none` risks.
+FORGERY_WARNING = "without a key, anyone on the network can send readings in the board's name"
 _FORM = "udp://HOST[:PORT], tcp://HOST[:PORT], or udp://NAME of a paired board"
 
 

@@ -75,7 +75,7 @@ def is_board_id(text: str) -> bool:
 
 
 def read_boards() -> list[PairedBoard]:
-    """Return the paired boards in the order of their file; none if there is no file.
+    """Return the paired boards in the order of their file; empty before the first was paired.
 
     Raises:
         CaptureError: The file cannot be read, or an entry is not valid.

@@ -45,6 +45,35 @@ def serial_ports() -> list[Port]:
     ]
 
 
+def find_only_port() -> str:
+    """Return the name of the serial port, if exactly one is plugged in.
+
+    Raises:
+        CaptureError: No port is plugged in (`board-not-found`), or several are (`port-ambiguous`).
+    """
+    ports = serial_ports()
+    devices = [p.device for p in ports]
+    if not ports:
+        raise CaptureError(
+            "no serial port is plugged in",
+            code="board-not-found",
+            action="Plug the board in with a cable that carries data; some cables only charge",
+            ports=devices,
+        )
+    if len(ports) > 1:
+        names = ", ".join(
+            f"{p.device} ({p.description})" if p.description else p.device for p in ports
+        )
+        raise CaptureError(
+            f"{len(ports)} serial ports are plugged in: {names}",
+            code="port-ambiguous",
+            where="port",
+            action="Choose one of them",
+            ports=devices,
+        )
+    return devices[0]
+
+
 def open_port(url: str) -> Transport:
     """Open a serial port, a socket, or a connection to a board with Wi-Fi.
 

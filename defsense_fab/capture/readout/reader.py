@@ -12,7 +12,7 @@ from ...core.errors import CaptureError
 from ...sensing.serial_frames import Info, Sample, Stream
 from .greeting import ReadoutSettings as ReadoutSettings
 from .greeting import Transport as Transport
-from .greeting import greet_board, read_stamped
+from .greeting import check_info, greet_board, read_stamped
 from .network_port import BoardIdentity, NetworkCounts, NetworkPort, board_differs
 from .source import Event, ReadoutStatistics, Sink, StaleError, StampedSample
 
@@ -36,11 +36,13 @@ class Reader:
     Args:
         opener: Opens the transport; called again after a gap.
         name: Name of the source in messages, such as its port.
-        settings: Settings requested from the board; by default it keeps its own.
+        settings: Settings requested from the board, or a function that chooses them by the board's
+            first description of itself; by default the board keeps its own.
         keep_items: Whether items wait for `drain`; otherwise only the sink receives them.
 
     Attributes:
-        info: The board's latest description of itself; None before `start`.
+        info: The board's latest description of itself, also if `start` refused the board; None
+            before `start`.
         board: The identity of a board with Wi-Fi; None before `start`, and for serial ports.
     """
 
@@ -48,12 +50,13 @@ class Reader:
         self,
         opener: Callable[[], Transport],
         name: str,
-        settings: ReadoutSettings | None = None,
+        settings: ReadoutSettings | Callable[[Info], ReadoutSettings] | None = None,
         *,
         keep_items: bool = True,
     ) -> None:
         self.name = name
-        self._opener, self._settings = opener, settings or ReadoutSettings()
+        self._opener, self._choose = opener, settings if callable(settings) else None
+        self._settings = ReadoutSettings() if settings is None or callable(settings) else settings
         self._keep_items = keep_items
         self._items: deque[StampedSample | Event] = deque()
         self._dropped = self._dropped_since_drain = 0
@@ -77,8 +80,8 @@ class Reader:
 
         Raises:
             CaptureError: If the port is absent or busy, or if the board is silent, has other
-                firmware or refuses a setting; for boards with Wi-Fi, if the host is not known, the
-                board is not paired, or its key differs.
+                firmware, refuses a setting or is disconnected; for boards with Wi-Fi, if the host
+                is not known, the board is not paired, or its key differs.
         """
         self._port = self._opener()
         try:
@@ -86,6 +89,14 @@ class Reader:
             self._put(Event(self._last_sample_ns, "start", self._start_data(info)))
             for sample, now in early_samples:
                 self._receive(sample, now)
+        except OSError as error:
+            self._close_port()
+            raise CaptureError(
+                f"the connection to the board ended ({error})",
+                code="port-disconnected",
+                where=self.name,
+                action="Check that the board is on and connected, and try again",
+            ) from None
         except BaseException:
             self._close_port()
             raise
@@ -175,9 +186,19 @@ class Reader:
         """Greet the board and remember its description and identity."""
         if isinstance(port, NetworkPort):
             self._identify(port.board)
-        info, early_samples = greet_board(port, self._stream, self._settings, self.name, self._stop)
-        self.info, self._last_sample_ns = info, time.monotonic_ns()
+        info, early_samples = greet_board(
+            port, self._stream, self._accept_info, self.name, self._stop
+        )
+        self._last_sample_ns = time.monotonic_ns()
         return info, early_samples
+
+    def _accept_info(self, info: Info) -> ReadoutSettings:
+        """Remember a board's description of itself; return the settings that it is to have."""
+        self.info = info
+        check_info(info, self.name)
+        if self._choose is not None:
+            self._settings, self._choose = self._choose(info), None
+        return self._settings
 
     def _identify(self, board: BoardIdentity) -> None:
         """Remember the identity of a board; raise CaptureError if it is another board."""
@@ -210,7 +231,8 @@ class Reader:
                 continue
             limit_ns = self._silence_limit_ns()
             if time.monotonic_ns() - self._last_sample_ns > limit_ns:
-                self._start_gap(f"silent: no sample for {limit_ns / 1e9:g} s; was it reset?")
+                question = "was it reset?" if self.board is None else "is it on and in reach?"
+                self._start_gap(f"silent: no sample for {limit_ns / 1e9:g} s; {question}")
                 continue
             for data, arrived_ns in chunks:
                 self._decode(data, arrived_ns)

@@ -81,12 +81,23 @@ class NetworkStatistics:
         median, high = 1e3 * np.quantile(self.round_trips, (0.5, 0.99))
         return float(median), float(high)
 
-    def data(self) -> dict[str, object]:
-        """Return the counts and times as plain values.
+    @property
+    def summary(self) -> str:
+        """The latency and the counts that are not zero, such as `network 4.1 ms, 2 late packets`.
 
-        The network's latency is half of the median round trip: it estimates the time from the
-        board to the host, and includes what the board needs to answer.
+        The network's latency is half of the round trip: it estimates the time from the board to
+        the host, and includes what the board needs to answer.
         """
+        times = self.round_trip_ms
+        parts = ["network"]
+        if times is not None:
+            parts = [f"network {times[0] / 2:.1f} ms (99 %: {times[1] / 2:.1f})"]
+        names = ("reordered", "duplicates", "late", "rejected")
+        counts = [f"{n} {name}" for name in names if (n := getattr(self, name))]
+        return ", ".join(parts) + (f"; packets: {', '.join(counts)}" if counts else "")
+
+    def data(self) -> dict[str, object]:
+        """Return the counts and times as plain values; see `summary` for the latency."""
         median, high = self.round_trip_ms or (None, None)
         return {
             "reordered": self.reordered,
@@ -120,6 +131,11 @@ class ReadoutStatistics:
     restarts: int = 0
     dropped: int = 0
     network: NetworkStatistics | None = None
+
+    def data(self) -> dict[str, object]:
+        """Return the counts as plain values; `network` only for boards that have them."""
+        counts = {name: value for name, value in vars(self).items() if name != "network"}
+        return counts if self.network is None else {**counts, "network": self.network.data()}
 
 
 #: Receives samples and events as soon as they arrive, in order, in the source's own thread.

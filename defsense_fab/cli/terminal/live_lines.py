@@ -206,6 +206,8 @@ def page(status: LiveStatus, label: str, ended: str | None = None) -> list[Text]
     if status.surface_rate:
         line.append(f", {_ms(status.view_latency)} to the view", "dim")
     rows = [line]
+    if status.network is not None:
+        rows.append(Text(status.network.summary, "dim"))
     if frame.controls:
         bars = Text()
         for name, value in frame.controls.items():
@@ -255,6 +257,8 @@ def as_mapping(status: LiveStatus) -> dict[str, object]:
         },
         "notes": [str(note) for note in status.notes],
     }
+    if status.network is not None:
+        out["network"] = status.network.data()
     if frame is not None:
         out |= {
             "time": frame.time,

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from ...calibration.options import BoardOptions as BoardOptions
-from ...core.errors import CalibrationError
+from ...core.errors import CalibrationError, CaptureError
 from ...core.schema.options import check_options
 from ...sensing.voltage_divider import Resistance
 
@@ -54,3 +54,51 @@ class WiringOptions:
 
     def __post_init__(self) -> None:
         check_options(self)
+
+
+@dataclass(frozen=True)
+class CheckOptions:
+    """How the wiring of a device is checked.
+
+    Attributes:
+        reference: Set the reference resistors of the channels in ohm, or one for all (default:
+            those that the build proposes).
+        wiggle: Move the wire of each cord in turn, which finds loose contacts.
+        poses: Hold poses, if only they show which cord is connected to which pin.
+
+    Raises:
+        CaptureError: A value is not valid.
+    """
+
+    reference: tuple[Resistance, ...] | None = None
+    wiggle: bool = True
+    poses: bool = True
+
+    def __post_init__(self) -> None:
+        check_options(self, CaptureError)
+
+
+@dataclass(frozen=True)
+class FlashOptions:
+    """Which firmware is written to which board.
+
+    Attributes:
+        port: Set the serial port of the board (default: the only one that is plugged in).
+        board: Choose the board (default: [readout] board of the device, or nano).
+        converter: Choose what measures the cords: the board itself (arduino), or ADS1115 modules
+            (default: [readout] converter of the device, or the board's own).
+        yes: Replace another program on the board without asking.
+        force: Write the firmware even if the board runs this version or a later one.
+
+    Raises:
+        CaptureError: A value is not valid.
+    """
+
+    port: str | None = None
+    board: Literal["nano", "uno"] | None = None
+    converter: Literal["arduino", "ads1115"] | None = None
+    yes: bool = False
+    force: bool = False
+
+    def __post_init__(self) -> None:
+        check_options(self, CaptureError)

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...capture.readout.network_url import FORGERY_WARNING, is_forgeable
 from ...capture.readout.ports import serial_ports
 from ...capture.readout.reader import ReadoutSettings
 from ...capture.readout.source import ReadoutStatistics, Source, StampedSample
 from ...core.arrays import Float
 from ...core.errors import CaptureError
-from ...sensing.serial_frames import Info
+from ...sensing.serial_frames import FIRMWARE_VERSION, Info, format_version
 from ...sensing.voltage_divider import Dividers, measure_reference, reference_resistors
 from ...twin.live.sample_sources import open_source
 from .options import BoardOptions, ReferenceOptions
@@ -34,12 +35,16 @@ class PortReading:
         description: Description that the port gives of itself; empty if none.
         ohm: Resistances (c,), ohm; None if the port was not opened or has no board.
         problem: Why no board could be read; empty if one was, or if the port was not opened.
+        firmware: Version of the board's firmware; empty if no board could be read.
+        update: Version of the firmware to update to; empty if the board's is not older.
     """
 
     device: str
     description: str
     ohm: Float | None = None
     problem: str = ""
+    firmware: str = ""
+    update: str = ""
 
 
 @dataclass(frozen=True)
@@ -105,6 +110,11 @@ def watch_board(
             raise _no_samples(source)
 
 
+def port_warning(port: str) -> str:
+    """Return what reading a port risks; empty for ports without a risk."""
+    return f"{port}: {FORGERY_WARNING}" if is_forgeable(port) else ""
+
+
 def measure_reference_resistors(port: str, options: ReferenceOptions) -> list[float]:
     """Measure the reference resistors with one known resistor in place of every cord.
 
@@ -147,7 +157,8 @@ def _read_port(port: str, description: str, board: BoardOptions) -> PortReading:
     except CaptureError as error:
         return PortReading(port, description, problem=str(error).removeprefix(f"{port}: "))
     ohm = _dividers(board, info).resistance(latest.sample.counts)
-    return PortReading(port, description, ohm)
+    update = format_version(FIRMWARE_VERSION) if info.is_outdated else ""
+    return PortReading(port, description, ohm, firmware=format_version(info.version), update=update)
 
 
 def _dividers(board: BoardOptions, info: Info) -> Dividers:

@@ -131,12 +131,16 @@ def describe_board(port: str) -> str:
 
     from ...capture.readout.ports import open_port
     from ...capture.readout.reader import Reader
+    from ...sensing.serial_frames import FIRMWARE_VERSION, format_version
 
     with Reader(partial(open_port, port), port) as reader:
         info = reader.info
     assert info is not None
-    version = ".".join(map(str, info.version))
-    return (
-        f"firmware {version} (protocol {info.protocol}), {info.channels} channels by"
-        f" {_CONVERTER_NAMES[info.converter]}, {info.rate} Hz"
+    description = (
+        f"firmware {format_version(info.version)} (protocol {info.protocol}), {info.channels}"
+        f" channels by {_CONVERTER_NAMES[info.converter]}, {info.rate} Hz"
     )
+    if info.is_outdated:
+        latest = format_version(FIRMWARE_VERSION)
+        description += f"; firmware {latest} is available: defsense board flash --port {port}"
+    return description

@@ -27,9 +27,9 @@ def tag(key, data):
     return hmac.new(key, data, hashlib.sha256).digest()[:16]
 
 
-def sums_of(counter):
+def sums_of(counter, channels=3):
     """Return the readings of a sample, by which a test knows genuine ones."""
-    return tuple(counter * n % 16000 for n in (7, 11, 13))
+    return tuple(counter * (2 * n + 7) % 1000 for n in range(channels))
 
 
 @dataclass
@@ -88,17 +88,23 @@ class FakeBoard:
         rate: Samples per second.
         drift: Relative error of its clock.
         network: What happens to its packets; over TCP nothing.
+        port: Its port; 0 for any.
+        seed: Seed of its random numbers, such as the boot id.
     """
 
     def __init__(
-        self, scheme="udp", key=KEY, board_id=BOARD_ID, rate=100, drift=0.0, network=None, port=0
+        self,
+        scheme="udp",
+        key=KEY,
+        board_id=BOARD_ID,
+        rate=100,
+        drift=0.0,
+        network=None,
+        port=0,
+        seed=1,
     ):
-        self._key, self._board_id, self._rate, self._drift = (
-            key,
-            bytes.fromhex(board_id),
-            rate,
-            drift,
-        )
+        self._key, self._board_id = key, bytes.fromhex(board_id)
+        self._rate, self._drift = rate, drift
         self._is_udp, self._network = scheme == "udp", network or Network()
         kind = socket.SOCK_DGRAM if self._is_udp else socket.SOCK_STREAM
         self._socket = socket.socket(socket.AF_INET, kind)
@@ -108,11 +114,11 @@ class FakeBoard:
             self._socket.listen()
         self.port = self._socket.getsockname()[1]
         self.url = f"{scheme}://127.0.0.1:{self.port}"
-        self._rng = random.Random(1)
+        self._rng = random.Random(seed)
         self._peer, self._buffer, self._delayed, self._count = None, b"", [], 0
-        self.boots, self.commands, self.genuine, self.repeated = [], [], [], 0
-        self.is_deaf = False
-        self._silent_until, self._inject = 0.0, []
+        self.boots, self.genuine, self.repeated = [], [], 0
+        self.network_is_down = False
+        self._silent_until, self.hellos = 0.0, 0
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._boot()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -137,21 +143,29 @@ class FakeBoard:
             self._hang_up()
             self._boot()
 
-    def send_raw(self, data):
-        """Send bytes to the host that the protocol does not contain."""
+    def pause(self):
+        """Take no more samples, and wait until the network has delivered the last ones."""
         with self._lock:
-            self._inject.append(data)
+            self._silent_until = float("inf")
+        while self._delayed:
+            time.sleep(0.01)
 
-    @property
-    def session_key(self):
-        return self._session
+    def send_raw(self, packet):
+        """Send a packet to the host that may be forged."""
+        with self._lock:
+            self._put(packet)
+
+    def send_stream(self, data):
+        """Send bytes to the host over TCP that may be no packets."""
+        with self._lock:
+            self._peer.sendall(data)
 
     def _boot(self):
-        self.boots.append(Boot(self._rng.getrandbits(32), time.monotonic() + 0.0))
+        self.boots.append(Boot(self._rng.getrandbits(32), time.monotonic()))
         self._session, self._pending, self._counter = None, {}, 0
-        self._last_valid, self._sends, self._info_due = 0.0, False, False
+        self._last_valid, self._sends = 0.0, False
         self._received, self._sequence = set(), 0
-        self._averages, self._led = 4, 1000
+        self._channels, self._averages, self._led = 3, 4, 1000
 
     def _hang_up(self):
         if not self._is_udp and self._peer is not None:
@@ -166,18 +180,13 @@ class FakeBoard:
             self._listen(max(0.0, min(due - now, 0.01)))
             with self._lock:
                 now = time.monotonic()
+                while self._delayed and self._delayed[0][0] <= now:
+                    self._put(heapq.heappop(self._delayed)[2])
                 if now < self._silent_until:
-                    next_sample = now
-                    self._delayed.clear()
-                    continue
+                    next_sample = now + 1 / self._rate
                 while next_sample <= now:
                     self._take_sample(next_sample)
                     next_sample += 1 / self._rate
-                while self._delayed and self._delayed[0][0] <= now:
-                    self._put(heapq.heappop(self._delayed)[2])
-                for data in self._inject:
-                    self._put(data)
-                self._inject.clear()
 
     def _listen(self, timeout):
         listeners = [self._socket]
@@ -187,7 +196,7 @@ class FakeBoard:
             with self._lock:
                 if self._is_udp:
                     data, address = self._socket.recvfrom(2048)
-                    if not self.is_deaf and time.monotonic() >= self._silent_until:
+                    if time.monotonic() >= self._silent_until:
                         for _ in self._network.delays():
                             self._handle(data, address)
                 elif ready is self._socket:
@@ -210,7 +219,7 @@ class FakeBoard:
             self._handle(cobs.decode(packet), None)
 
     def _handle(self, data, address):
-        if len(data) < 23 or data[:2] != b"\xd5\x01":
+        if len(data) < 23 or data[:2] != b"\xd5\x01" or self.network_is_down:
             return
         kind, body = data[2:3], data[3:-16]
         if kind == b"H" and data[-16:] == bytes(16) and len(body) == 32:
@@ -234,10 +243,11 @@ class FakeBoard:
         if kind == b"P":
             self._send(b"Q", body[4:12] + struct.pack("<I", self._micros(time.monotonic())))
         elif kind == b"W":
-            for line in body[4:].decode("ascii").split():
+            for line in filter(None, body[4:].decode("ascii").split("\n")):
                 self._obey(line)
 
     def _answer_hello(self, nonce, address):
+        self.hellos += 1
         boot = struct.pack("<I", self.boots[-1].boot_id)
         board_nonce = self._rng.randbytes(8)
         content = nonce + self._board_id + boot + board_nonce
@@ -251,18 +261,18 @@ class FakeBoard:
         else:
             self._put(packet)
 
-    def _obey(self, word):
-        self.commands.append(word)
+    def _obey(self, line):
+        word, _, number = line.partition(" ")
+        settings = {"rate": "_rate", "channels": "_channels", "average": "_averages", "led": "_led"}
         if word == "frames":
             self._sends = True
-            self._send(b"R", b"\0" + encode(self._info()))
-        elif word == "version":
-            self._send(b"R", encode(self._info()))
-        else:
+        elif word in settings and number.isdecimal():
+            setattr(self, settings[word], int(number))
+        elif word != "version":
             self._send(b"R", encode(Text(f"unknown command {word}")))
-
-    def _info(self):
-        return Info(1, (1, 0), 1, 3, self._averages, self._rate, self._led, 16, 26400)
+            return
+        info = Info(1, (1, 0), 1, self._channels, self._averages, self._rate, self._led, 16, 26400)
+        self._send(b"R", b"\0" + encode(info))
 
     def _micros(self, now):
         return int((now - self.boots[-1].started_at) * (1 + self._drift) * 1e6) % 2**32
@@ -273,7 +283,14 @@ class FakeBoard:
         boot.taken[counter] = at
         if not self._sends or time.monotonic() - self._last_valid > SESSION_TIMEOUT_S:
             return
-        sample = Sample(counter, self._micros(at), False, False, 4, sums_of(counter))
+        sample = Sample(
+            counter,
+            self._micros(at),
+            False,
+            False,
+            self._averages,
+            sums_of(counter, self._channels),
+        )
         boot.sent[counter] = time.monotonic()
         if not self._send(b"R", encode(sample)):
             boot.dropped.add(counter)
@@ -295,7 +312,7 @@ class FakeBoard:
         return bool(delays)
 
     def _put(self, data):
-        if self._peer is None:
+        if self._peer is None or self.network_is_down:
             return
         try:
             if self._is_udp:
