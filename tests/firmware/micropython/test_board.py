@@ -130,10 +130,11 @@ def test_commands_and_their_answers(run_scenario):
     times = range(100_000, 10_000_000, 50_000)
     given = [[at, f"{c}\r\n"] for at, c in zip(times, commands, strict=False)]
     done = run(run_scenario, commands=[FRAMES, *given], seconds=6)
-    kinds = []
-    for message in Stream().feed(done["bytes"]):
-        if not isinstance(message, Sample):
-            kinds.append("info" if isinstance(message, Info) else "text")
+    kinds = [
+        "info" if isinstance(message, Info) else "text"
+        for message in Stream().feed(done["bytes"])
+        if not isinstance(message, Sample)
+    ]
     assert kinds == ["info", *commands.values()]
     last = done["infos"][-1]
     assert (last.rate, last.channels, last.averages, last.led_period) == (50, 4, 1, 0)

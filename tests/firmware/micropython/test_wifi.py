@@ -48,9 +48,7 @@ def test_network_and_key_are_stored_and_joined(run_scenario):
     ]
     assert done["stored"] == {"name": "Café 2", "password": "p %ssword", "key": KEY.hex()}
     assert [call[1:] for call in done["radio"]] == [["Café 2", "p %ssword"]]
-    samples = [
-        m for m in Stream().feed(bytes.fromhex(done["sent"])) if isinstance(m, Sample)
-    ]
+    samples = [m for m in Stream().feed(bytes.fromhex(done["sent"])) if isinstance(m, Sample)]
     assert len(samples) > 50  # at 50 Hz: joining stops nothing
     assert not any(s.late for s in samples[2:])
 
@@ -216,8 +214,8 @@ def test_replayed_reflected_and_forged_packets_do_nothing(run_scenario):
     reflected = encode_packet(Packet(Kind.READ, 9, b"plain\n"), host.key)
     forged = stranger.write("plain\n")
     given = [
-        (2e5, host.hello), (3e5, plain), (4e5, frames), (5e5, plain), (6e5, plain), (7e5, reflected),
-        (8e5, forged), (9e5, host.hello), (10e5, plain), (11e5, encode_hello(b"attacker")),
+        (2e5, host.hello), (3e5, plain), (4e5, frames), (5e5, plain), (6e5, plain),
+        (7e5, reflected), (8e5, forged), (9e5, host.hello), (10e5, plain), (11e5, encode_hello(b"attacker")),
         (12e5, b""), (13e5, b"\xd5\x01"), (14e5, bytes(513)),
     ]  # fmt: skip
     _, sent = exchange(run_scenario, given, nonces=(101, 102))
@@ -255,7 +253,7 @@ def test_many_hellos_do_not_displace_a_session_nor_use_memory(run_scenario):
 def test_unpaired_board_answers_nothing(run_scenario, stored):
     host = Host(key=OPEN_KEY)
     given = [(2e5, host.hello), (3e5, host.write("frames\n"))]
-    done, sent = exchange(run_scenario, given, stored=stored)
+    _, sent = exchange(run_scenario, given, stored=stored)
     assert sent == []
 
 
