@@ -34,6 +34,7 @@ _WIRE_HZ = 2.1
 _SPREADS = (0.04, 0.07)  # range of the deviation of R0 of pieces between batches
 _SUPPLY_SPREAD, _CLOCK_SPREAD = 0.005, 0.002  # of a 3.3 V regulator and of a resonator
 _NOISE_RANGE = (0.7, 1.5)  # range of the noise of units, relative to that of the cord's table
+_MAX_SPEED = 10.0  # a sample takes 0.1 ms; a slower computer could not keep up
 _FIRST_SEED = 97  # combined with the numbers of unit and session
 
 
@@ -71,7 +72,8 @@ class WiringTwinOptions:
                 if name not in ("unit", "seed", "speed"):
                     raise ValueError
                 values[name] = float(number) if name == "speed" else int(number)
-                if not 0 <= values[name] < 1e6 or (name == "speed" and not values[name]):
+                limit = _MAX_SPEED if name == "speed" else 10**6
+                if not 0 <= values[name] <= limit or (name == "speed" and not values[name]):
                     raise ValueError
             except ValueError:
                 raise CaptureError(
