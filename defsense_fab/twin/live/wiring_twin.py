@@ -100,7 +100,7 @@ class WiringTwin:
         reference: Nominal reference resistors (c,), ohm: those of the build.
         converter: Converter, 0 or 1, as in `Info`.
         full_scale: Counts at the supply's nominal voltage.
-        averages: Conversions per sample that the board takes by itself.
+        averages: Conversions per sample after the board was switched on.
 
     Raises:
         CaptureError: The device is not built, or a fault is not valid.
