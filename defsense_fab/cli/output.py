@@ -83,6 +83,13 @@ def print_lines(lines: Iterable[str]) -> None:
         out.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
+def print_error_line(line: str) -> None:
+    """Print a line on standard error, unless it is closed."""
+    with contextlib.suppress(BrokenPipeError):
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
+
+
 def print_json(data: object, *, allow_nan: bool = True) -> None:
     """Print data as indented JSON on standard output."""
     sys.stdout.write(json.dumps(data, indent=1, allow_nan=allow_nan) + "\n")

@@ -45,6 +45,9 @@ class Bars:
         texts: Texts after the rows (r,); empty for none.
         title: What is shown; empty for none.
         has_colors: Whether each row has the color of the curve with its number.
+        bands: Expected range of each row (r, 2), as filled shares; None for none.
+        states: State of each row (r,), "ok", "fault" or "" if unknown, which colors it; empty for
+            none.
     """
 
     values: Float
@@ -52,6 +55,8 @@ class Bars:
     texts: tuple[str, ...] = ()
     title: str = ""
     has_colors: bool = False
+    bands: Float | None = None
+    states: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

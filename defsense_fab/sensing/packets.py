@@ -156,7 +156,7 @@ def decode_packet(data: bytes, session_key: bytes) -> Packet | None:
     return Packet(kind, sequence, rest)
 
 
-def read_pong(packet: Packet) -> tuple[bytes, int]:
+def pong_content(packet: Packet) -> tuple[bytes, int]:
     """Return the bytes of the ping that a pong answers, and the board's clock, us."""
     data, micros = _PONG_DATA.unpack(packet.data)
     return data, micros

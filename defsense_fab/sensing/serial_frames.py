@@ -272,6 +272,12 @@ class Stream:
     def _continues(last: int, sample: Sample) -> bool:
         return 1 <= (sample.counter - last) % _COUNTER_PERIOD <= _MAX_COUNTER_STEP
 
+    def restart(self) -> None:
+        """Count a restart of the board that is known for certain; its counter starts again."""
+        self.reset()
+        self._last = None
+        self.restarts += 1
+
     def reset(self) -> None:
         """Discard incomplete input after a port was opened again."""
         self._rest, self._unconfirmed = b"", None

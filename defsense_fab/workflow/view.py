@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.arrays import Bool, Float, Int
 from ..core.machine.local_access import Access
+from ..runtime.view.guided_screen import GuidedScreen as GuidedScreen
 from ..runtime.view.live_scene import LINES as LINES
 from ..runtime.view.live_scene import look_at_body as look_at_body
 from ..runtime.view.live_scene import place_camera as place_camera

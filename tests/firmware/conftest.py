@@ -10,7 +10,7 @@ import pytest
 import serial
 
 from defsense_fab.capture.boards import stk500
-from defsense_fab.capture.readout import reader
+from defsense_fab.capture.readout import greeting, reader
 from tests.firmware import build
 
 
@@ -20,7 +20,7 @@ def _patience(monkeypatch):
     monkeypatch.setattr(stk500, "SYNC_TIMEOUT_S", 1.5)
     monkeypatch.setattr(stk500, "SYNC_TRIES", 1)
     monkeypatch.setattr(stk500, "ANSWER_TIMEOUT_S", 20)
-    monkeypatch.setattr(reader, "GREETING_TIMEOUT_S", 20)
+    monkeypatch.setattr(greeting, "GREETING_TIMEOUT_S", 20)
     monkeypatch.setattr(reader, "SILENCE_S", 30)
 
 

@@ -16,7 +16,7 @@ from serial.tools.list_ports_common import ListPortInfo
 
 from defsense_fab.capture.boards.images import IMAGES, IMAGES_FOLDER, find_image
 from defsense_fab.capture.boards.stk500 import PAGE_BYTES, write_flash
-from defsense_fab.capture.readout import reader
+from defsense_fab.capture.readout import greeting
 from defsense_fab.capture.readout.ports import Port, open_port
 from defsense_fab.cli.main import main
 from defsense_fab.core.errors import CaptureError
@@ -158,7 +158,7 @@ def test_older_firmware_is_recognized_and_updated(arduino, old_firmware, monkeyp
 @pytest.mark.slow
 def test_another_program_is_replaced_only_on_request(arduino, monkeypatch):
     start, memory = arduino
-    monkeypatch.setattr(reader, "GREETING_TIMEOUT_S", 3)
+    monkeypatch.setattr(greeting, "GREETING_TIMEOUT_S", 3)
     running = start("optiboot")
     with raises(CaptureError, "replacement-not-confirmed"):
         flash_board(None, FlashOptions(port=running.url))

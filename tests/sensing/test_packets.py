@@ -17,8 +17,8 @@ from defsense_fab.sensing.packets import (
     encode_hello,
     encode_packet,
     has_valid_tag,
+    pong_content,
     read_challenge,
-    read_pong,
 )
 from tests.support.places import FIRMWARE
 
@@ -87,7 +87,7 @@ def test_values_of_golden_packets():
     packets = {line[1]: line[2:] for line in LINES if line[0] == "valid"}
     pong, _ = accepted(*packets["pong"])
     assert (pong.kind, pong.sequence) == (Kind.PONG, 4)
-    assert read_pong(pong) == (bytes(range(1, 9)), 345678)
+    assert pong_content(pong) == (bytes(range(1, 9)), 345678)
     assert accepted(*packets["write_frames"])[0] == Packet(Kind.WRITE, 1, b"\nframes\n")
     assert accepted(*packets["challenge"])[0].boot_id == 0xDEADBEEF
 

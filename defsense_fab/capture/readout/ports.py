@@ -1,4 +1,4 @@
-"""Serial ports and sockets of read-out boards."""
+"""Serial ports, sockets and network connections of read-out boards."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import serial
 from serial.tools import list_ports
 
 from ...core.errors import CaptureError
-from .reader import Transport
+from .greeting import Transport
+from .network_port import NetworkPort
+from .network_url import is_network_url, parse_network_url
 
 BAUD = 115200
 READ_TIMEOUT_S = 0.05
@@ -73,14 +75,18 @@ def find_only_port() -> str:
 
 
 def open_port(url: str) -> Transport:
-    """Open a serial port or a socket.
+    """Open a serial port, a socket, or a connection to a board with Wi-Fi.
 
     Args:
-        url: A device (`/dev/ttyUSB0`, `/dev/cu.usbmodem1`, `COM3`) or `socket://host:port`.
+        url: A device (`/dev/ttyUSB0`, `/dev/cu.usbmodem1`, `COM3`), `socket://host:port`, or
+            `udp://...` or `tcp://...` as of `parse_network_url`.
 
     Raises:
-        CaptureError: If the port is absent, busy, or may not be opened.
+        CaptureError: If the port is absent, busy, or may not be opened; for boards with Wi-Fi, see
+            `parse_network_url` and `NetworkPort`.
     """
+    if is_network_url(url):
+        return NetworkPort(parse_network_url(url))
     try:
         port = serial.serial_for_url(url, do_not_open=True)
         port.baudrate, port.timeout, port.write_timeout = BAUD, READ_TIMEOUT_S, WRITE_TIMEOUT_S

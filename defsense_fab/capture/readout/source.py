@@ -56,6 +56,61 @@ class Event:
 
 
 @dataclass(frozen=True)
+class NetworkStatistics:
+    """Counts of the packets of a board that is read over a network.
+
+    Attributes:
+        reordered: Packets that arrived behind a later one and were put back into order.
+        duplicates: Packets that arrived again.
+        late: Packets that arrived too late to be put back into order; their samples are lost.
+        rejected: Packets with a wrong tag, of another session, replayed, or malformed.
+        round_trips: Times from a ping to its answer, s; of the last ten minutes.
+    """
+
+    reordered: int
+    duplicates: int
+    late: int
+    rejected: int
+    round_trips: tuple[float, ...]
+
+    @property
+    def round_trip_ms(self) -> tuple[float, float] | None:
+        """Median and 99th percentile of the round trips, ms; None before the first answer."""
+        if not self.round_trips:
+            return None
+        median, high = 1e3 * np.quantile(self.round_trips, (0.5, 0.99))
+        return float(median), float(high)
+
+    @property
+    def summary(self) -> str:
+        """The latency and the counts that are not zero, such as `network 4.1 ms, 2 late packets`.
+
+        The network's latency is half of the round trip: it estimates the time from the board to
+        the host, and includes what the board needs to answer.
+        """
+        times = self.round_trip_ms
+        parts = ["network"]
+        if times is not None:
+            parts = [f"network {times[0] / 2:.1f} ms (99 %: {times[1] / 2:.1f})"]
+        names = ("reordered", "duplicates", "late", "rejected")
+        counts = [f"{n} {name}" for name in names if (n := getattr(self, name))]
+        return ", ".join(parts) + (f"; packets: {', '.join(counts)}" if counts else "")
+
+    def data(self) -> dict[str, object]:
+        """Return the counts and times as plain values; see `summary` for the latency."""
+        median, high = self.round_trip_ms or (None, None)
+        return {
+            "reordered": self.reordered,
+            "duplicates": self.duplicates,
+            "late": self.late,
+            "rejected": self.rejected,
+            "round_trip_ms": median,
+            "round_trip_99_ms": high,
+            "network_latency_ms": None if median is None else median / 2,
+        }
+
+
+@dataclass(frozen=True)
 class ReadoutStatistics:
     """Counts of what a source has received and lost.
 
@@ -66,6 +121,7 @@ class ReadoutStatistics:
         gaps: Interruptions of the connection.
         restarts: Restarts of the read-out board.
         dropped: Items that were not drained in time.
+        network: Counts of packets; None for sources that are not read over a network.
     """
 
     samples: int = 0
@@ -74,6 +130,12 @@ class ReadoutStatistics:
     gaps: int = 0
     restarts: int = 0
     dropped: int = 0
+    network: NetworkStatistics | None = None
+
+    def data(self) -> dict[str, object]:
+        """Return the counts as plain values; `network` only for boards that have them."""
+        counts = {name: value for name, value in vars(self).items() if name != "network"}
+        return counts if self.network is None else {**counts, "network": self.network.data()}
 
 
 #: Receives samples and events as soon as they arrive, in order, in the source's own thread.

@@ -8,6 +8,7 @@ board = command("board", help="Set up, check and read the board that measures th
 _COMMANDS = (
     ("flash", "flash", "Write the firmware to an Arduino Nano or Uno"),
     ("ports", "ports", "List serial ports and show what a read-out board reads"),
+    ("check", "check", "Check the wiring of a device and state what to repair"),
     ("reference", "ports", "Measure the reference resistors with a known resistor"),
     ("wiring", "wiring", "Draw how the cords of a built device are connected to a board"),
 )

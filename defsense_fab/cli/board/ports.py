@@ -14,13 +14,23 @@ from msgspec import Meta
 from ...core.schema.options import check_options
 from ...workflow.board.options import BoardOptions, ReferenceOptions
 from ..app import command
-from ..output import OutputOptions, console, print_json, print_lines, standard_output
+from ..output import (
+    OutputOptions,
+    console,
+    print_error_line,
+    print_json,
+    print_lines,
+    standard_output,
+)
 
 if TYPE_CHECKING:
     from ...core.arrays import Float
     from ...workflow.board.readout import PortReading
 
-_PORTS = "/dev/ttyUSB0, COM3, socket://host:port, or twin (twin:speed=20,k=2,seed=1)"
+_PORTS = (
+    "/dev/ttyUSB0, COM3, socket://host:port, udp://HOST or tcp://HOST (Wi-Fi; HOST may be the name"
+    " of a paired board), or twin (twin:speed=20,k=2,seed=1)"
+)
 Port = Annotated[str, Parameter(help=f"Set the port of the read-out board: {_PORTS}")]
 
 
@@ -29,7 +39,7 @@ class PortsOptions:
     """Which ports are shown, and for how long.
 
     Attributes:
-        port: Show the board on this port, or a recording (.csv), until Ctrl-C.
+        port: Show the board on this port (COM3, udp://HOST), or a recording (.csv), until Ctrl-C.
         list: List the ports without opening them.
         seconds: Stop after this time in s (default: at Ctrl-C).
     """
@@ -110,17 +120,21 @@ def _watch(port: str, board: BoardOptions, seconds: float | None, output: Output
     from rich.console import Console
     from rich.live import Live
 
-    from ...workflow.board.readout import watch_board
+    from ...workflow.board.readout import port_warning, watch_board
 
+    if warning := port_warning(port):
+        print_error_line(f"warning: {warning}")
     screen = Console(stderr=output.json)
     with Live(console=screen, auto_refresh=False, transient=output.json) as live:
         for reading in watch_board(port, board, seconds):
             live.update(_bars(reading.ohm), refresh=not output.json)
     s = reading.statistics
     if output.json:
-        print_json({"ohm": _finite(reading.ohm), **vars(s)})
+        print_json({"ohm": _finite(reading.ohm), **s.data()})
     else:
-        print_lines(["", f"{s.samples} samples, {s.lost} lost, {s.bad} damaged frames"])
+        network = [] if s.network is None else [s.network.summary]
+        counts = f"{s.samples} samples, {s.lost} lost, {s.bad} damaged frames"
+        print_lines(["", counts, *network])
 
 
 def _bars(ohm: Float) -> Any:

@@ -64,8 +64,9 @@ def _record(
         cameras: Set the cameras, one per camera of the calibration: 0, /dev/video0; simulated ones
             (twin:webcam, twin:phone or twin:industrial, twin:seed=1,cameras=3; twin alone has
             webcams); or none, if another system records the markers.
-        port: Set the port of the read-out board: /dev/ttyUSB0, COM3, socket://host:port, twin, or
-            none (markers only).
+        port: Set the port of the read-out board: /dev/ttyUSB0, COM3, socket://host:port,
+            udp://HOST or tcp://HOST (Wi-Fi; HOST may be the name of a paired board), twin, or none
+            (markers only).
         auto: Read no keys: steps follow automatically.
     """
     from ...core.device.device_file import load_device

@@ -16,8 +16,8 @@ from ...core.schema.options import check_options
 from ...workflow.run.options import RunOptions
 from ..app import command, whole_number
 from ..completers import complete_device_folders
-from ..output import OutputOptions, print_lines, progress_bars
-from .run_end import print_error_line, stop_at_end
+from ..output import OutputOptions, print_error_line, print_lines, progress_bars
+from .run_end import stop_at_end
 
 if TYPE_CHECKING:
     from cyclopts import Token
@@ -131,7 +131,8 @@ def _run(
 
     Args:
         models: Model files (model.json), or their folders; several run at once.
-        port: Set the port of each read-out board: /dev/ttyUSB0, COM3, socket://host:port;
+        port: Set the port of each read-out board: /dev/ttyUSB0, COM3, socket://host:port,
+            udp://HOST or tcp://HOST (Wi-Fi; HOST may be the name of a paired board);
             replay:board.csv or replay:SESSION (with the tracks of its cameras); or twin
             (twin:unit=1,seed=7,minutes=5,cut=left@20-30; cut, short, stuck, or swap=a+b;
             cords=hysteretic for cords fitted to recordings). A model of any other sensor plays a

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from ..interrupts import handle_interrupts
-from ..output import discard_standard_output, print_lines
+from ..output import discard_standard_output, print_error_line, print_lines
 
 if TYPE_CHECKING:
     from ...workflow.run.run import LiveRun
@@ -49,13 +49,6 @@ def stop_at_end(runs: Sequence[LiveRun], *, as_json: bool) -> Iterator[None]:
         raise raised
     for failure in raised:
         raise failure
-
-
-def print_error_line(line: str) -> None:
-    """Print a line on standard error, unless it is closed."""
-    with contextlib.suppress(BrokenPipeError):
-        sys.stderr.write(f"{line}\n")
-        sys.stderr.flush()
 
 
 def _stop_runs(runs: Sequence[LiveRun], *, is_started: bool) -> list[Exception]:

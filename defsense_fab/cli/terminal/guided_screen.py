@@ -27,6 +27,7 @@ from .keys import Keys
 COLORS = ("blue", "green", "red", "magenta", "cyan", "yellow")
 _HIGHLIGHT_RGB, _MARK_RGB = (60, 220, 90), (240, 200, 60)
 _GRAY = "bright_black"
+_STATE_COLORS = {"": "blue", "ok": "green", "fault": "red"}  # of bars, by their state
 _BAR_WIDTH, _MIN_BAR_WIDTH, _PLOT_WIDTH = 24, 3, 60  # characters
 _MAX_PICTURE_WIDTH, _MIN_PICTURE_WIDTH = 72, 20  # characters
 #: Sizes of pictures and plots on pages with fewer and fewer rows; 0 leaves them out.
@@ -203,10 +204,15 @@ def bar_table(bars: Bars) -> Table:
     names, texts = bars.names or ("",) * count, bars.texts or ("",) * count
     for k, (name, row, text) in enumerate(zip(names, bars.values, texts, strict=True)):
         color = COLORS[k % len(COLORS)] if bars.has_colors else "green"
+        if bars.states:
+            color = _STATE_COLORS[bars.states[k]]
+        low, high = (2.0, 2.0) if bars.bands is None else bars.bands[k]
+        middles = (np.arange(width) + 0.5) / width
+        in_band = (low <= middles) & (middles <= high)
         cells = Text()
         for filled in np.ceil(width * np.clip(row, 0, 1)).astype(int):
             cells.append("█" * filled, color)
-            cells.append("░" * (width - filled), _GRAY)
+            cells.append("".join("▒" if b else "░" for b in in_band[filled:]), _GRAY)
             cells.append(" " if columns > 1 else "")
         table.add_row(Text(name, color if bars.has_colors else ""), cells, Text(text, "dim"))
     return table

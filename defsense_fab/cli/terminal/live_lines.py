@@ -205,6 +205,8 @@ def page(status: LiveStatus, label: str, ended: str | None = None) -> list[Text]
     line.append(f", {_ms(status.output_latency)} to outputs", "dim")
     if status.surface_rate:
         line.append(f", {_ms(status.view_latency)} to the view", "dim")
+    if status.network is not None:
+        line.append(f", {status.network.summary}", "dim")
     rows = [line]
     if frame.controls:
         bars = Text()
@@ -255,6 +257,8 @@ def as_mapping(status: LiveStatus) -> dict[str, object]:
         },
         "notes": [str(note) for note in status.notes],
     }
+    if status.network is not None:
+        out["network"] = status.network.data()
     if frame is not None:
         out |= {
             "time": frame.time,

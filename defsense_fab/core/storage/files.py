@@ -14,6 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from platformdirs import user_config_path
+
 from ..errors import DefsenseError, StorageError
 
 if sys.platform == "win32":
@@ -191,17 +193,21 @@ def write_json(path: Path, data: Any) -> None:
     write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
 
 
-def write_text(path: Path, text: str) -> None:
+def write_text(path: Path, text: str, *, is_private: bool = False) -> None:
     """Write text in UTF-8 with unchanged line ends, whole or not at all.
 
     Args:
         path: File to write.
         text: Content.
+        is_private: Whether only the user may read the file (mode 0600), never others.
 
     Raises:
         StorageError: The file cannot be written.
     """
     with replace_file(path) as temporary:
+        if is_private:
+            temporary.unlink(missing_ok=True)
+            temporary.touch(mode=0o600)
         temporary.write_text(text, encoding="utf-8", newline="")
 
 
@@ -242,6 +248,12 @@ def load_json(path: Path, error: type[DefsenseError], action: str) -> Any:
 def unreadable_code(error: OSError) -> str:
     """Return the error code of a file that cannot be read."""
     return "file-not-found" if isinstance(error, FileNotFoundError) else "file-unreadable"
+
+
+def config_folder() -> Path:
+    """Return `DEFSENSE_CONFIG`, or the user's folder for settings, which need not exist."""
+    chosen = os.environ.get("DEFSENSE_CONFIG")
+    return Path(chosen) if chosen else user_config_path("defsense-fab")
 
 
 #: Of the names of files that `digest` gives.

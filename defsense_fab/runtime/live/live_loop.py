@@ -224,7 +224,7 @@ class LiveLoop:
     @property
     def status(self) -> LiveStatus:
         """The present state of the loop."""
-        frame = self._frame
+        frame, statistics = self._frame, self._source.statistics
         return LiveStatus(
             frame=frame,
             rate=self._output_latency.rate,
@@ -233,8 +233,9 @@ class LiveLoop:
             view_latency=self._view_latency.quantiles,
             samples=self._samples,
             skipped=self._skipped,
-            lost=self._source.statistics.lost,
+            lost=statistics.lost,
             notes=(*(frame.notes if frame else ()), *self._loop_notes()),
+            network=statistics.network,
         )
 
     @property

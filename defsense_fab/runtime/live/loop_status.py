@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...capture.readout.source import Event, ReadoutStatistics
+from ...capture.readout.source import Event, NetworkStatistics, ReadoutStatistics
 from ...core.arrays import Float
 from ..frames.fixed_decoder import target_values
 from ..frames.live_frame import LiveFrame, Note
@@ -36,6 +36,7 @@ class LiveStatus:
             they do not fit the device.
         lost: Number of samples that did not arrive, or arrived damaged, by the board's counter.
         notes: Notes on all parts of the loop.
+        network: Counts of packets and times of a board with Wi-Fi; None for other sources.
     """
 
     frame: LiveFrame | None
@@ -47,6 +48,7 @@ class LiveStatus:
     skipped: int
     lost: int
     notes: tuple[Note, ...]
+    network: NetworkStatistics | None = None
 
     @property
     def targets(self) -> dict[str, dict[str, object]]:
@@ -90,10 +92,12 @@ class LineLoss:
 
     def __init__(self) -> None:
         self._rows: deque[tuple[float, int, int]] = deque()
+        self._has_network = False
 
     def add(self, now: float, statistics: ReadoutStatistics) -> None:
         """Add the counts of the source at a time, s."""
         self._rows.append((now, statistics.samples, statistics.lost))
+        self._has_network = statistics.network is not None
         while self._rows[0][0] < now - _LOSS_WINDOW_S:
             self._rows.popleft()
 
@@ -110,9 +114,10 @@ class LineLoss:
         share = lost / max(arrived + lost, 1)
         if lost <= _MAX_LOST_SAMPLES or share <= _MAX_LINE_LOSS:
             return None
-        text = (
-            f"{source}: {100 * share:.0f} % of the samples were lost on the line: check the cable"
-        )
+        place, remedy = "on the line", "check the cable"
+        if self._has_network:
+            place, remedy = "in the network", "move the board nearer to the access point"
+        text = f"{source}: {100 * share:.0f} % of the samples were lost {place}: {remedy}"
         return Note("samples-lost", text, {"share": share, "lost": lost})
 
 

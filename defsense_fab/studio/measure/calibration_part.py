@@ -14,7 +14,7 @@ from ...workflow.calibrate.simulated_specimens import simulate_specimens
 from ..edits.body import use_response
 from ..workbench.page_texts import StatusText
 from ..workbench.workbench import Workbench
-from .guided_screen import GuidedTask
+from .guided_task import GuidedTask
 from .panel_job import PanelJob
 from .result_texts import response_text
 

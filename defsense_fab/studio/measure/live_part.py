@@ -80,7 +80,7 @@ class LivePart:
                 self._other_port = gui.add_text(
                     "Other source",
                     "",
-                    hint="Replace the source above, for example by socket://host:port,"
+                    hint="Replace the source above, for example by udp://192.168.1.20,"
                     " replay:board.csv or twin:unit=2,cut=left@20-30",
                 )
                 self._outputs = gui.add_text(

@@ -21,7 +21,7 @@ from ...workflow.sessions.recording import (
 from ..workbench.controls import add_option
 from ..workbench.page_texts import StatusText
 from ..workbench.workbench import Workbench
-from .guided_screen import GuidedTask
+from .guided_task import GuidedTask
 
 
 class RecordingPart:

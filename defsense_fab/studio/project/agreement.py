@@ -1,30 +1,18 @@
 """The scripts that the user has agreed to run.
 
-Scripts are programs, and a folder may come from anybody.
+Scripts are programs, and a folder may come from anybody. Agreements are therefore never read from a
+device's folder.
 """
 
 from __future__ import annotations
 
 import json
-import os
-from pathlib import Path
-
-from platformdirs import user_config_path
 
 from ...core.device.device import BodySpec
-from ...core.storage.files import storage_errors, write_json
+from ...core.storage.files import config_folder, storage_errors, write_json
 from ...workflow.starts.body_scripts import ScriptText, read_script
 
 _FILE = "agreed-scripts.json"
-
-
-def config_folder() -> Path:
-    """Return `DEFSENSE_CONFIG`, or the user's folder for settings.
-
-    Agreements are never read from a device's folder, which may come from anybody.
-    """
-    chosen = os.environ.get("DEFSENSE_CONFIG")
-    return Path(chosen) if chosen else user_config_path("defsense-fab")
 
 
 class Agreement:

@@ -34,7 +34,6 @@ if TYPE_CHECKING:  # it imports SciPy; options records read the defaults of `Cor
 RELATIVE_PLAYS = np.array([0.5, 1.0, 1.5])[:, None]
 # Time constants of the healing, relative to that of the cord, and the shares that heal with them.
 RELATIVE_TIMES, HEALING_SHARES = np.array([1.0, 6.0])[:, None], np.array([0.8, 0.2])[:, None]
-REST_SPREAD = 0.05  # of R0 of pieces of one length, relative standard deviation
 READING_SHARE = 1e-3  # of a time step, for the reading itself
 SPECIMEN_EXTRA_MM = 20.0  # length of a specimen's cords beyond the specimen
 CUT, SHORT, STUCK, SWAP = "cut", "short", "stuck", "swap"
@@ -54,6 +53,7 @@ class CordTraits:
         healing: Share of any change that is added at first and heals.
         time: Time constant of most of the healing, s.
         spread: Standard deviation of the gains of the pieces.
+        rest_spread: Standard deviation of R0 of pieces of one length, relative.
         ohm_per_mm: Resistance at rest per length, ohm/mm.
         drift: Relative drift of R per hour.
     """
@@ -64,6 +64,7 @@ class CordTraits:
     healing: float = 0.1
     time: float = 8.0
     spread: float = 0.02
+    rest_spread: float = 0.05
     ohm_per_mm: float = 14.5
     drift: float = 0.0
 
@@ -87,7 +88,7 @@ class CordTwins:
         count = len(lengths)
         self.gain = 1 + traits.spread * rng.normal(size=count)
         nominal = traits.ohm_per_mm * np.asarray(lengths, float)
-        self.rest = nominal * (1 + REST_SPREAD * rng.normal(size=count))
+        self.rest = nominal * (1 + traits.rest_spread * rng.normal(size=count))
         self.time = 0.0
         self._strain = np.zeros(count)
         self._play, self._added = np.zeros((3, count)), np.zeros((2, count))
@@ -217,19 +218,26 @@ class SpecimenTwin:
 
 @dataclass(frozen=True)
 class CordFault:
-    """A fault of cords or plugs.
+    """A fault of cords, plugs or wires.
 
     Attributes:
-        kind: `cut`, `short`, `stuck` (the reading stays as it was at the start) or `swap`.
-        channels: Indices of the channels: two for `swap`, else one.
+        kind: `cut`, `short`, `stuck` (the reading stays as it was at the start), `swap`, or a kind
+            of `wiring.WIRING_KINDS`.
+        channels: Indices of the channels: two for `swap` and `bridge`, else one.
         begin: Start, s.
         end: End, s.
+        amount: Size of the fault in the unit of its kind; None for the usual one.
     """
 
     kind: str
     channels: tuple[int, ...]
     begin: float
     end: float = np.inf
+    amount: float | None = None
+
+    def is_present(self, time: float) -> bool:
+        """Return whether the fault is present at a time, s."""
+        return self.begin <= time < self.end
 
 
 class ReplayedCords:
@@ -261,7 +269,7 @@ class ReplayedCords:
         time = start + step
         ohm = self._replay(time)
         for fault in self._faults:
-            if not fault.begin <= time < fault.end:
+            if not fault.is_present(time):
                 continue
             channels = np.array(fault.channels)
             if fault.kind == SWAP:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from ...core.arrays import Float, Int
 from ...core.device.boards import CONVERTERS
 from ...sensing.serial_frames import (
+    NOT_READ,
     PROTOCOL,
     Info,
     Message,
@@ -25,7 +26,8 @@ from ...sensing.serial_frames import (
 )
 from ...sensing.voltage_divider import REFERENCE_OHM, Dividers, conversion_time
 from ..scenes.assumptions import assume
-from .cords import DeviceCords, ReplayedCords, SpecimenTwin
+from .cords import SpecimenTwin
+from .wiring import Wiring
 
 FloatOrArray = TypeVar("FloatOrArray", float, Float)
 
@@ -33,6 +35,19 @@ CONTINUOUS_FULL_SCALE = 500_000_000  # counts of a converter whose steps are neg
 MAX_READ_WAIT_S = 0.02
 #: Largest arguments of the firmware's commands; 0 stands for the number of channels.
 COMMAND_LIMITS = {"rate": 500, "channels": 0, "average": 255, "led": 65535}
+
+
+class CordSource(Protocol):
+    """Cords that a board reads, such as `SpecimenTwin`, `DeviceCords` or `ReplayedCords`."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels (c)."""
+        ...
+
+    def sample(self, start: float, step: float) -> Float:
+        """Return the resistances (c,) ohm, `step` s after `start`, s."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -138,6 +153,7 @@ class ReadoutTwin:
         offset: Value of the board's clock at the start, s.
         drift: Relative drift of the board's clock.
         converter: Name of the converter, a key of `CONVERTERS`.
+        wiring: Wires and converter with faults; None for ideal ones.
 
     Attributes:
         started_ns: Value of `time.monotonic_ns` at the start.
@@ -148,14 +164,15 @@ class ReadoutTwin:
 
     def __init__(
         self,
-        source: SpecimenTwin | DeviceCords | ReplayedCords,
+        source: CordSource,
         reference: float | Float = REFERENCE_OHM,
         speed: float = 1.0,
         offset: float = 0.0,
         drift: float = 0.0,
         converter: str = "arduino",
+        wiring: Wiring | None = None,
     ) -> None:
-        self._source, self._speed = source, speed
+        self._source, self._speed, self._wiring = source, speed, wiring
         self._offset, self._drift = offset, drift
         count = len(source.channels)
         self._converter = converter_code(converter)
@@ -262,9 +279,12 @@ class ReadoutTwin:
         """Produce the next sample, `step` s after the last one."""
         ohm = self._source.sample(self._sampled_until, step)
         self._sampled_until += step
-        averages = self._settings["average"]
-        counts = self._dividers.counts(ohm)[: self._settings["channels"]]
-        sums = np.round(counts * averages).astype(int)
+        averages, channels = self._settings["average"], self._settings["channels"]
+        if self._wiring is not None:
+            sums = self._wiring.convert(ohm, self._sampled_until, averages, channels)
+        else:
+            counts = self._dividers.counts(ohm)[:channels]
+            sums = np.round(counts * averages).astype(int)
         if self._is_framed:
             # Like the firmware: the time of the middle of the conversions, and the state of the
             # LED at their start.
@@ -280,6 +300,7 @@ class ReadoutTwin:
             )
             self._output += encode(sample)
         else:
-            values = (f"A{i}:{c:.2f}" for i, c in enumerate(sums / averages))
+            counts = np.where(sums == NOT_READ, np.nan, sums / averages)
+            values = (f"A{i}:{c:.2f}" for i, c in enumerate(counts))
             self._output += (",".join(values) + "\r\n").encode()
         self._counter += 1

@@ -46,8 +46,8 @@ def open_source(
     """Open a source of samples.
 
     Args:
-        text: A port such as `/dev/ttyUSB0`, `COM3` or `socket://host:port`, a recorded `.csv`
-            file, or a simulated specimen: `twin` or `twin:speed=20,k=2,seed=1`.
+        text: A port such as `/dev/ttyUSB0`, `COM3`, `socket://host:port` or `udp://HOST`, a
+            recorded `.csv` file, or a simulated specimen: `twin` or `twin:speed=20,k=2,seed=1`.
         settings: Settings of the read-out board.
         geometry: Geometry of the simulated specimen.
         length: Length of the simulated specimen, mm.

@@ -57,6 +57,28 @@ class WiringOptions:
 
 
 @dataclass(frozen=True)
+class CheckOptions:
+    """How the wiring of a device is checked.
+
+    Attributes:
+        reference: Set the reference resistors of the channels in ohm, or one for all (default:
+            those that the build proposes).
+        wiggle: Move the wire of each cord in turn, which finds loose contacts.
+        poses: Hold poses, if only they show which cord is connected to which pin.
+
+    Raises:
+        CaptureError: A value is not valid.
+    """
+
+    reference: tuple[Resistance, ...] | None = None
+    wiggle: bool = True
+    poses: bool = True
+
+    def __post_init__(self) -> None:
+        check_options(self, CaptureError)
+
+
+@dataclass(frozen=True)
 class FlashOptions:
     """Which firmware is written to which board.
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...capture.readout.network_url import FORGERY_WARNING, is_forgeable
 from ...capture.readout.ports import serial_ports
 from ...capture.readout.reader import ReadoutSettings
 from ...capture.readout.source import ReadoutStatistics, Source, StampedSample
@@ -107,6 +108,11 @@ def watch_board(
                 yield BoardReading(ohm, source.statistics)
         if is_empty:
             raise _no_samples(source)
+
+
+def port_warning(port: str) -> str:
+    """Return what reading a port risks; empty for ports without a risk."""
+    return f"{port}: {FORGERY_WARNING}" if is_forgeable(port) else ""
 
 
 def measure_reference_resistors(port: str, options: ReferenceOptions) -> list[float]:

@@ -35,7 +35,7 @@ class DoctorOptions:
 
     Attributes:
         pictures: Write a picture from each camera to this folder.
-        port: Test these ports too, if the system does not list them.
+        port: Test these ports too, if the system does not list them (udp://HOST for Wi-Fi).
         timeout: Set the time limit of a single check in s.
     """
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...capture.readout.network_url import FORGERY_WARNING, is_forgeable
 from ...capture.readout.source import RecordingEnd as RecordingEnd
 from ...capture.readout.source import Source
 from ...core.arrays import Float
@@ -116,8 +117,9 @@ def prepare_run(
 
     Args:
         live: The device.
-        port: A serial port, socket://host:port, the .csv file of a recording, a recording or a
-            session (replay:PATH), or the twin (twin:unit=1,seed=7,minutes=5,cut=left@20-30).
+        port: A serial port, socket://host:port, udp://HOST or tcp://HOST, the .csv file of a
+            recording, a recording or a session (replay:PATH), or the twin
+            (twin:unit=1,seed=7,minutes=5,cut=left@20-30).
         options: Options of the run.
         settings: The outputs, and the controls; by default one control for each pose.
         view: Port of a page, a place on an existing page, or None for no view.
@@ -137,7 +139,7 @@ def prepare_run(
         return _prepare_target_run(
             live, port, options, settings, view, receivers, folder if keeps_readings else None
         )
-    notes, place = _note_useless_model(live), Port(port)
+    notes, place = _first_notes(live, port), Port(port)
     twin = open_twin(live, place, progress)
     reference = _choose_reference(live, options, twin, notes)
     source = open_source(live, place, options.rate, reference, twin)
@@ -198,7 +200,7 @@ def _prepare_target_run(
     refuse_surface(live.model, options, settings, has_view=view is not None)
     path = place.path if place.is_replay else None
     source: Source | None = open_target_source(port, path, model.channels, model.readings)
-    notes, reference = _note_useless_model(live), None
+    notes, reference = _first_notes(live, port), None
     if source is None:
         reference = _choose_reference(live, options, None, notes)
         source = open_source(live, place, options.rate, reference, None)
@@ -264,9 +266,15 @@ def record_action(animations: Animations, folder: RunFolder) -> Callable[[bool],
 
 
 def connect_panel(actions: PanelActions, loop: LiveLoop) -> None:
-    """Let the panel show the loop's notes and its latency."""
+    """Let the panel show the loop's notes, its latency, and that of the board's network."""
+
+    def describe_latency() -> str:
+        status = loop.status
+        network = "" if status.network is None else status.network.summary
+        return "; ".join(filter(None, (format_latency(status.view_latency), network)))
+
     actions.notes = lambda: loop.status.notes
-    actions.latency = lambda: format_latency(loop.status.view_latency)
+    actions.latency = describe_latency
 
 
 def format_latency(latency: tuple[float, float]) -> str:
@@ -359,12 +367,14 @@ def _first_rest_signals(live: LiveDevice, port: Port) -> Float | None:
     return live.first_rest_signals
 
 
-def _note_useless_model(live: LiveDevice) -> list[Note]:
-    """Return a note if the test at the end of the training found the model useless."""
-    judgment = live.model.metadata.get("usefulness") or {}
-    if judgment.get("code") is None:
-        return []
-    return [Note(judgment["code"], str(judgment["message"]), judgment)]
+def _first_notes(live: LiveDevice, port: str) -> list[Note]:
+    """Return a note on a model that its test found useless, and one on a port without a key."""
+    notes, judgment = [], live.model.metadata.get("usefulness") or {}
+    if judgment.get("code") is not None:
+        notes.append(Note(judgment["code"], str(judgment["message"]), judgment))
+    if is_forgeable(port):
+        notes.append(Note("packets-forgeable", f"{port}: {FORGERY_WARNING}"))
+    return notes
 
 
 def _choose_reference(

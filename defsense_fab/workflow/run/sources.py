@@ -25,12 +25,9 @@ from ...sensing.voltage_divider import Dividers
 from ...training.data.dataset import Recording
 from ...training.recordings.datasets import match_to_device
 from ...training.recordings.session_dataset import session_dataset
+from ...twin.electronics.fault_words import parse_faults
 from ...twin.options import CordFamilyName, TwinOptions
-from ...twin.recordings.walking_board import (
-    WalkingBoard,
-    parse_faults,
-    simulate_walking_board,
-)
+from ...twin.recordings.walking_board import WalkingBoard, simulate_walking_board
 from .live_device import LiveDevice
 
 #: Port of the simulated device.
@@ -48,9 +45,9 @@ class Port:
     """Where samples come from, by the text that the user gives.
 
     Attributes:
-        text: A serial port, socket://host:port, the .csv file of a recording, a recording or a
-            session (replay:PATH), or the twin (twin, or twin:unit=1,seed=7,minutes=5,
-            cut=left@20-30).
+        text: A serial port, socket://host:port, udp://HOST or tcp://HOST, the .csv file of a
+            recording, a recording or a session (replay:PATH), or the twin (twin, or
+            twin:unit=1,seed=7,minutes=5,cut=left@20-30).
     """
 
     text: str

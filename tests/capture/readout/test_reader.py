@@ -194,7 +194,7 @@ class ConstantPort:
     ],
 )
 def test_another_device_or_a_wrong_board_answers(monkeypatch, data, code):
-    monkeypatch.setattr("defsense_fab.capture.readout.reader.GREETING_TIMEOUT_S", 0.3)
+    monkeypatch.setattr("defsense_fab.capture.readout.greeting.GREETING_TIMEOUT_S", 0.3)
     with raises(CaptureError, code):
         Reader(lambda: ConstantPort(data), "port", ReadoutSettings(channels=5)).start()
 

@@ -9,7 +9,8 @@ import pytest
 import serial
 
 from defsense_fab.capture.boards import stk500
-from defsense_fab.capture.readout import reader
+from defsense_fab.capture.readout import greeting
+from defsense_fab.capture.readout.paired_boards import store_board
 from defsense_fab.cli.exit_codes import DONE, STOPPED
 from defsense_fab.cli.main import main, run_command
 from defsense_fab.core.errors import CaptureError, DefsenseError, DeviceError
@@ -17,6 +18,7 @@ from defsense_fab.core.storage import typed_json
 from defsense_fab.store.manifest import MANIFEST
 from defsense_fab.workflow.board import flash
 from defsense_fab.workflow.board.wiring import plan_if_possible
+from tests.capture.readout.fake_board import BOARD_ID, KEY, FakeBoard
 from tests.report.wiring.plans import manifest_of
 from tests.support.errors import raises
 from tests.support.places import BAR
@@ -42,6 +44,28 @@ def test_board_is_shown(run):
     assert isinstance(run("ports", "--list", "--json"), list)
     with raises(CaptureError, "source-invalid"):
         run_command(["board", "ports", "--port", "twin:pace=3"])
+
+
+def test_board_with_wifi_is_shown_with_its_network(run, tmp_path, monkeypatch):
+    """Only boards that are read over a network have such counts."""
+    monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path))
+    with FakeBoard() as board:
+        store_board(BOARD_ID, "elbow", KEY, f"127.0.0.1:{board.port}")
+        data = run("ports", "--port", "udp://elbow", "--seconds", "2", "--json")
+    assert data["samples"] > 0
+    assert {"reordered", "duplicates", "late", "rejected"} < set(data["network"])
+    assert data["network"]["round_trip_ms"] == 2 * data["network"]["network_latency_ms"]
+    assert "network" not in run("ports", "--port", "twin", "--seconds", "0.5", "--json")
+
+
+@pytest.mark.parametrize(("query", "warnings"), [("?key=none", 1), ("", 0)])
+def test_port_without_a_key_is_read_with_a_warning(capsys, tmp_path, monkeypatch, query, warnings):
+    monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path))
+    with FakeBoard(key=KEY if not query else bytes(16)) as board:
+        store_board(BOARD_ID, "elbow", KEY, "")
+        run_command(["board", "ports", "--port", board.url + query, "--seconds", "1"])
+    lines = capsys.readouterr().err.splitlines()
+    assert sum(line.startswith("warning: ") for line in lines) == warnings
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan"])
@@ -118,7 +142,7 @@ def test_too_many_cords_for_a_board_are_a_note_of_the_build():
 def silent_port(monkeypatch):
     """Return the port of a board on which nothing answers."""
     board, port = os.openpty()
-    monkeypatch.setattr(reader, "GREETING_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(greeting, "GREETING_TIMEOUT_S", 0.2)
     yield os.ttyname(port)
     os.close(board)
     os.close(port)

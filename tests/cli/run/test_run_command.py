@@ -29,6 +29,7 @@ from defsense_fab.workflow.run.live_device import live_device
 from defsense_fab.workflow.run.options import RunOptions
 from defsense_fab.workflow.run.outputs import read_settings
 from defsense_fab.workflow.run.run import connect_panel, panel_actions, prepare_run
+from tests.capture.readout.fake_board import BOARD_ID, FakeBoard
 from tests.runtime.live.conftest import R0
 from tests.runtime.live.test_live_loop import board_of
 from tests.support.errors import raises
@@ -238,3 +239,18 @@ def test_each_device_has_its_own_file():
     assert own_file(Path("a/x.glb"), 0) == Path("a/x.glb")
     assert own_file(Path("a/x.glb"), 2) == Path("a/x-3.glb")
     assert own_file(Path("."), 1) == Path("-2")
+
+
+def test_board_with_wifi_is_run(device, tmp_path, capsys, monkeypatch):
+    """Its packets are counted, the recording names the board, and a port without a key is noted."""
+    monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path / "settings"))
+    with FakeBoard(key=bytes(16)) as board:
+        out = tmp_path / "live"
+        words = ("--port", f"{board.url}?key=none", "--record", out, "--json", "--seconds", "3")
+        assert run(device, *words, *KNOWN) == 0
+    output = capsys.readouterr()
+    rows = [json.loads(line) for line in output.out.splitlines()]
+    assert rows[-1 if "network" in rows[-1] else -2]["network"]["rejected"] == 0
+    assert any("?key=none" in line for line in lines(output.err, "note: "))
+    (start,) = [line for line in (out / "board.csv").read_text().splitlines() if "start" in line]
+    assert json.loads(start[1:])["board_id"] == BOARD_ID

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from defsense_fab.capture.readout.source import RecordingEnd
+from defsense_fab.capture.readout.source import NetworkStatistics, RecordingEnd
 from defsense_fab.cli.terminal import live_lines
 from defsense_fab.cli.terminal.live_lines import LiveLines, as_mapping, labels, page
 from defsense_fab.core.errors import CaptureError, LiveError
@@ -147,3 +147,12 @@ def test_json_has_numbers_of_samples_and_the_lost_channel():
     data = as_mapping(LiveStatus(lost, 0.0, 0.0, NONE, NONE, 100, 3, 7, ()))
     assert (data["samples"], data["skipped"], data["lost_samples"]) == (100, 3, 7)
     assert data["lost"] == "cord_1"
+    assert "network" not in data
+
+
+def test_network_of_a_board_is_shown():
+    network = NetworkStatistics(1, 2, 3, 4, (0.01, 0.02, 0.03))
+    status = LiveStatus(frame(), 100.0, 0.0, NONE, NONE, 100, 3, 7, (), network)
+    assert as_mapping(status)["network"]["rejected"] == 4
+    assert as_mapping(status)["network"]["network_latency_ms"] == pytest.approx(10)
+    assert "10.0 ms" in page(status, "bar")[0].plain

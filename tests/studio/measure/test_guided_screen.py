@@ -9,7 +9,7 @@ import numpy as np
 from defsense_fab.core.guided_parts import Bars, Curve, Picture, Plot
 from defsense_fab.core.guided_run import STOP, GuidedView, Key, RunState
 from defsense_fab.core.progress import Notice
-from defsense_fab.studio.measure.guided_screen import (
+from defsense_fab.runtime.view.guided_screen import (
     HIGHLIGHT_RGB,
     PICTURE_WIDTH,
     GuidedScreen,
@@ -42,7 +42,7 @@ VIEW = GuidedView(
 
 def test_state_and_keys_of_the_phase_are_shown(studio_page):
     folder = studio_page.bench.server.gui.add_folder("test")
-    screen = GuidedScreen(studio_page.bench, folder, "Recording")
+    screen = GuidedScreen(studio_page.bench.server, folder, "Recording")
     screen.text_interval_s = screen.picture_interval_s = 0.0
     screen.show(VIEW)
     assert screen.view is VIEW
@@ -58,7 +58,7 @@ def test_state_and_keys_of_the_phase_are_shown(studio_page):
 
 def test_updates_are_limited_but_the_end_is_shown(studio_page):
     folder = studio_page.bench.server.gui.add_folder("test")
-    screen = GuidedScreen(studio_page.bench, folder, "Recording")
+    screen = GuidedScreen(studio_page.bench.server, folder, "Recording")
     screen.text_interval_s = TIMEOUT_S
     screen.show(VIEW)
     screen.show(replace(VIEW, title="later"))

@@ -8,7 +8,8 @@ import pytest
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import BodyError, StorageError
-from defsense_fab.studio.project.agreement import Agreement, config_folder
+from defsense_fab.core.storage.files import config_folder
+from defsense_fab.studio.project.agreement import Agreement
 from tests.studio.devices import write_device
 from tests.support.errors import raises
 

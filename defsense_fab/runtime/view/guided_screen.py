@@ -1,13 +1,11 @@
-"""Show a guided run in a folder of the panel: instructions, buttons, plots and pictures."""
+"""Show a guided run in the panel of a page: instructions, buttons, plots and pictures."""
 
 from __future__ import annotations
 
 import html
 import queue
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import partial
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -15,17 +13,16 @@ from numpy.typing import NDArray
 
 from ...core.guided_parts import Bars, Part, Picture, Plot, draw_picture
 from ...core.guided_run import GuidedView, Key
-from ...workflow.view import LINES
-from ..workbench.latest_worker import LatestWorker
-from ..workbench.page_texts import StatusText
-from ..workbench.workbench import Workbench
+from .live_scene import LINES
 
 PICTURE_WIDTH = 320  # pixels
 #: Color-blind people can distinguish highlighted outlines from others.
 HIGHLIGHT_RGB, MARK_RGB = (0, 158, 115), (230, 159, 0)
 EMPTY_COLOR = "rgba(128,128,128,.25)"
+BAND_COLOR = "rgba(0,158,115,.3)"
+#: Of bars by their state, distinct for color-blind people (Okabe & Ito 2008).
+STATE_COLORS = {"": "#0072b2", "ok": "#009e73", "fault": "#d55e00"}
 _PLOT_WIDTH = 260  # pixels
-_CLOSE_TIMEOUT_S = 10.0  # time in which a guided run has to end
 _TEXT_INTERVAL_S, _PICTURE_INTERVAL_S = 0.25, 0.5  # between updates
 
 
@@ -33,9 +30,10 @@ class GuidedScreen:
     """Shows a guided run; buttons press its keys, on any thread.
 
     Args:
-        bench: The workbench.
-        folder: Folder of the panel that holds the controls.
+        server: The viser server.
+        folder: Folder of the panel that holds the controls; None for the panel itself.
         title: Name of the new folder in it.
+        lock: Held while the screen is removed; None if nothing else draws on the page.
 
     Attributes:
         view: The state that is shown, or None before the first one.
@@ -44,8 +42,14 @@ class GuidedScreen:
         picture_interval_s: Time between updates of the pictures, s.
     """
 
-    def __init__(self, bench: Workbench, folder: Any, title: str) -> None:
-        self._bench, self._gui = bench, bench.server.gui
+    def __init__(
+        self,
+        server: Any,
+        folder: Any,
+        title: str,
+        lock: AbstractContextManager[Any] | None = None,
+    ) -> None:
+        self._gui, self._lock = server.gui, lock or nullcontext()
         self._keys = queue.SimpleQueue[str]()
         self.view: GuidedView | None = None
         self.pictures: dict[str, NDArray[np.uint8]] = {}
@@ -53,7 +57,7 @@ class GuidedScreen:
         self._drawn_at = self._pictures_drawn_at = 0.0
         self._button_groups: dict[tuple[Key, ...], Any] = {}
         self._camera_handles: dict[str, tuple[Any, Any]] = {}
-        with folder:
+        with folder or nullcontext():
             self._folder = self._gui.add_folder(title)
         with self._folder:
             self._text = self._gui.add_markdown("Preparing ...")
@@ -90,7 +94,7 @@ class GuidedScreen:
 
     def close(self) -> None:
         """Remove the screen from the page."""
-        with self._bench.drawing_lock:
+        with self._lock:
             self._folder.remove()
 
     def _show_buttons(self, keys: tuple[Key, ...]) -> None:
@@ -118,80 +122,6 @@ class GuidedScreen:
                 continue
             text_handle, image_handle = self._camera_handles[part.name]
             text_handle.content, image_handle.image = text, image
-
-
-class GuidedTask:
-    """Run one guided task at a time on a thread, with its screen in the panel.
-
-    Args:
-        bench: The workbench.
-        name: Noun for messages, such as "recording".
-        status: Shows what the task does.
-        on_busy: Called with True before a task is prepared, and with False once it has ended.
-
-    Attributes:
-        screen: The screen of the running task, or None.
-        finished_steps: Number of finished steps of the last task.
-        step_count: Number of its steps.
-    """
-
-    def __init__(
-        self, bench: Workbench, name: str, status: StatusText, on_busy: Callable[[bool], None]
-    ) -> None:
-        self._bench, self._name, self._status, self._on_busy = bench, name, status, on_busy
-        self._worker = LatestWorker[Callable[[], None]](
-            lambda work: work(), bench.status.show_error
-        )
-        self.screen: GuidedScreen | None = None
-        self.finished_steps = self.step_count = 0
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether a task is prepared, runs or ends."""
-        return self._worker.is_busy
-
-    def wait(self, timeout_s: float) -> bool:
-        """Wait until no task runs; return False after `timeout_s`."""
-        return self._worker.wait(timeout_s)
-
-    def start(self, run: Callable[[], None]) -> None:
-        """Start a task unless one is running.
-
-        Args:
-            run: Runs the task and shows its result, on a thread.
-        """
-        if self.is_busy:
-            self._status.show(f"A {self._name} is running. Stop it first.", "busy")
-            return
-        self._on_busy(True)
-        self._status.show("Preparing ...")
-        self._worker.give(partial(self._run, run))
-
-    @contextmanager
-    def open_screen(self, folder: Any) -> Iterator[GuidedScreen]:
-        """Show a screen in a folder of the panel until the block ends."""
-        with self._bench.drawing_lock:
-            self.screen = screen = GuidedScreen(self._bench, folder, self._name.capitalize())
-        self._status.show("")
-        try:
-            yield screen
-        finally:
-            self.screen = None
-            screen.close()
-
-    def close(self) -> None:
-        """Stop the task, which can be continued later."""
-        if self.screen is not None:
-            self.screen.press("q")
-        self._worker.wait(_CLOSE_TIMEOUT_S)
-        self._worker.close()
-
-    def _run(self, run: Callable[[], None]) -> None:
-        try:
-            run()
-        except Exception as error:  # shown on the page: the studio continues
-            self._status.show_error(error, f"The {self._name}")
-        self._on_busy(False)
 
 
 def view_text(view: GuidedView) -> str:
@@ -229,10 +159,13 @@ def _bars_html(bars: Bars) -> str:
     names, texts = bars.names or ("",) * count, bars.texts or ("",) * count
     for k, (name, row, text) in enumerate(zip(names, bars.values, texts, strict=True)):
         color = _color(k if bars.has_colors else 0)
+        if bars.states:
+            color = STATE_COLORS[bars.states[k]]
+        band = "" if bars.bands is None else _band_html(*bars.bands[k])
         boxes = "".join(
-            f'<span style="flex:1;margin-right:2px;background:{EMPTY_COLOR}"><span style="display:'
-            f"block;height:9px;width:{100 * np.clip(share, 0, 1):.0f}%;background:{color}"
-            '"></span></span>'
+            f'<span style="flex:1;margin-right:2px;position:relative;background:{EMPTY_COLOR}">'
+            f'{band}<span style="display:block;position:relative;height:9px;'
+            f'width:{100 * np.clip(share, 0, 1):.0f}%;background:{color}"></span></span>'
             for share in row
         )
         rows.append(
@@ -242,6 +175,15 @@ def _bars_html(bars: Bars) -> str:
             "</span></div>"
         )
     return "".join(rows)
+
+
+def _band_html(low: float, high: float) -> str:
+    """Return the expected range of a bar, which the bar is drawn over."""
+    left, right = (100 * np.clip(share, 0, 1) for share in (low, high))
+    return (
+        f'<span style="position:absolute;left:{left:.1f}%;width:{right - left:.1f}%;top:-3px;'
+        f'bottom:-3px;background:{BAND_COLOR}"></span>'
+    )
 
 
 def _plot_svg(plot: Plot) -> str:

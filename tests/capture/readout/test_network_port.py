@@ -1,0 +1,420 @@
+"""Read boards with Wi-Fi over networks that lose, reorder, repeat and forge packets.
+
+The runs last `DEFSENSE_FIRMWARE_SECONDS` each; with `-s` they print what was measured. On the
+loopback interface a packet arrives within a fraction of a millisecond if nothing delays it.
+"""
+
+import hashlib
+import hmac
+import os
+import random
+import struct
+import threading
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+
+from defsense_fab.capture.clocks.clock_fit import fit_clocks
+from defsense_fab.capture.readout.network_port import ReorderBuffer
+from defsense_fab.capture.readout.paired_boards import find_board, read_boards, store_board
+from defsense_fab.capture.readout.ports import open_port
+from defsense_fab.capture.readout.reader import Reader, ReadoutSettings
+from defsense_fab.capture.readout.source import Event, StampedSample
+from defsense_fab.core.errors import CaptureError
+from tests.capture.readout.fake_board import BOARD_ID, KEY, FakeBoard, Network, sums_of, tag
+from tests.support.errors import raises
+
+SECONDS = float(os.environ.get("DEFSENSE_FIRMWARE_SECONDS", "10"))
+#: Packets that no board sent, per run of the usual length.
+FORGERIES = int(os.environ.get("DEFSENSE_FORGERIES", "1000"))
+OTHER_KEY = bytes(range(1, 17))
+
+
+@pytest.fixture(autouse=True)
+def settings_folder(tmp_path, monkeypatch):
+    """Keys are stored in a folder of the test; the board is paired."""
+    monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path / "settings"))
+    store_board(BOARD_ID, "elbow", KEY, "")
+
+
+class Sink:
+    """Keeps the items of a reader with the times at which they were received, s."""
+
+    def __init__(self):
+        self._rows = []
+
+    def __call__(self, item):
+        self._rows.append((item, time.monotonic()))
+
+    @property
+    def events(self):
+        return [item for item, _ in tuple(self._rows) if isinstance(item, Event)]
+
+    def kinds(self):
+        return [event.kind for event in self.events if event.kind != "info"]
+
+    @property
+    def last_counter(self):
+        rows = (item for item, _ in reversed(tuple(self._rows)) if isinstance(item, StampedSample))
+        return next(rows).sample.counter
+
+    def samples(self):
+        """Return samples with their times of reception, one list for each start of the board."""
+        runs = [[]]
+        for item, at in tuple(self._rows):
+            if isinstance(item, Event) and item.kind == "restart":
+                runs.append([])
+            elif isinstance(item, StampedSample):
+                runs[-1].append((item, at))
+        return runs
+
+
+def reader_of(url, sink):
+    reader = Reader(partial(open_port, url), url, keep_items=False)
+    reader.sink = sink
+    return reader
+
+
+def milliseconds(values):
+    values = 1e3 * np.asarray(values)
+    return f"median {np.median(values):.2f} ms, 99 % {np.quantile(values, 0.99):.2f} ms"
+
+
+def wait_until(condition, seconds=60.0):
+    """Wait for a condition; the limit is for machines that are very busy."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def close_after_last_sample(board, reader, sink):
+    """Close a reader when nothing that the board sent is on its way any more."""
+    board.pause()
+    boot = board.boots[-1]
+    last = max(set(boot.sent) - boot.dropped)
+    wait_until(lambda: sink.last_counter == last)
+    reader.close()
+
+
+def check_counts(board, sink, statistics):
+    """Check that every sample from the first to the last of a start is received or counted."""
+    runs, lost = sink.samples(), 0
+    assert len(runs) == len(board.boots)
+    for boot, run in zip(board.boots, runs, strict=True):
+        counters = [item.sample.counter for item, _ in run]
+        assert counters == sorted(set(counters))
+        assert all(item.sample.sums == sums_of(item.sample.counter) for item, _ in run)
+        assert set(counters) <= set(boot.sent)
+        lost += counters[-1] - counters[0] + 1 - len(counters)
+    assert statistics.samples == sum(map(len, runs))
+    assert statistics.lost == lost
+    return runs
+
+
+def alignment_errors(board, runs):
+    """Return the errors of the fitted clock at the samples of each start, s."""
+    errors = []
+    for boot, run in zip(board.boots, runs, strict=True):
+        device = np.array([item.device_us for item, _ in run]) / 1e6
+        host = np.array([item.host_ns for item, _ in run]) / 1e9
+        taken = np.array([boot.taken[item.sample.counter] for item, _ in run])
+        errors.append(np.abs(fit_clocks(device, host).to_host(device) - taken))
+    return np.concatenate(errors)
+
+
+def latencies(board, runs):
+    """Return the times from sending the samples to their reception, s."""
+    pairs = zip(board.boots, runs, strict=True)
+    return [at - boot.sent[item.sample.counter] for boot, run in pairs for item, at in run]
+
+
+@pytest.mark.slow
+def test_bad_network_and_a_restart():
+    """Five percent are lost, others overtake or arrive twice, and the board restarts once."""
+    network = Network(seed=3, loss=0.05, reordered=0.1, duplicates=0.05, delay=0.05)
+    sink = Sink()
+    with FakeBoard(drift=40e-6, network=network) as board, reader_of(board.url, sink) as reader:
+        time.sleep(SECONDS / 2)
+        board.reboot()
+        wait_until(lambda: "restart" in sink.kinds())
+        time.sleep(SECONDS / 2)
+        close_after_last_sample(board, reader, sink)
+        statistics = reader.statistics
+        runs = check_counts(board, sink, statistics)
+    assert sink.kinds() == ["start", "gap", "resumed", "restart"]
+    events = {event.kind: event.data for event in sink.events}
+    first, second = (boot.boot_id for boot in board.boots)
+    assert (events["start"]["board_id"], events["start"]["boot_id"]) == (BOARD_ID, first)
+    assert (events["resumed"]["board_id"], events["resumed"]["boot_id"]) == (BOARD_ID, second)
+    assert KEY.hex() not in str(events)
+    assert (statistics.gaps, statistics.restarts, statistics.bad) == (1, 1, 0)
+    counts = statistics.network
+    assert counts.reordered > 0
+    assert counts.duplicates > 0
+    assert counts.rejected == 0
+    dropped = sum(
+        len([c for c in boot.dropped if run[0][0].sample.counter < c < run[-1][0].sample.counter])
+        for boot, run in zip(board.boots, runs, strict=True)
+    )
+    assert dropped <= statistics.lost <= dropped + counts.late  # late ones may be pongs
+    assert all((np.diff([i.device_us for i, _ in run]) > 0).all() for run in runs)
+    errors = alignment_errors(board, runs)
+    assert np.median(errors) < 0.02
+    print(
+        f"\nUDP, {SECONDS:g} s at 100 Hz, 5 % lost, 10 % delayed by up to 50 ms, 5 % twice:"
+        f" {statistics.samples} received, {statistics.lost} lost ({dropped} in the network),"
+        f" {counts.summary}; clock error median {1e3 * np.median(errors):.3f} ms,"
+        f" max {1e3 * errors.max():.3f} ms; send to sink {milliseconds(latencies(board, runs))}"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["udp", "tcp"])
+def test_good_network(scheme):
+    sink = Sink()
+    with FakeBoard(scheme, drift=-30e-6) as board, reader_of(board.url, sink) as reader:
+        time.sleep(SECONDS / 2)
+        close_after_last_sample(board, reader, sink)
+        runs = check_counts(board, sink, reader.statistics)
+    errors = alignment_errors(board, runs)
+    assert np.median(errors) < 0.02
+    print(
+        f"\n{scheme}, {SECONDS / 2:g} s at 100 Hz: {reader.statistics.samples} received,"
+        f" {reader.statistics.lost} lost; clock error median {1e3 * np.median(errors):.3f} ms,"
+        f" max {1e3 * errors.max():.3f} ms; send to sink {milliseconds(latencies(board, runs))}"
+    )
+
+
+def forge(rng, board):
+    """Return bytes that the board did not send, or has sent before."""
+    real = bytearray(rng.choice(board.genuine))
+    kind = rng.choice(("random", "flip", "other key", "replay", "cut", "long", "challenge"))
+    if kind == "random":
+        return rng.randbytes(rng.randrange(600))
+    if kind == "flip":
+        real[rng.randrange(len(real))] ^= 1 << rng.randrange(8)
+    elif kind == "other key":
+        session = hmac.new(OTHER_KEY, b"defsense 1" + rng.randbytes(26), hashlib.sha256).digest()
+        real[3:7] = struct.pack("<I", rng.randrange(1, 2**32))
+        real[-16:] = tag(session, bytes(real[:-16]))
+    elif kind == "cut":
+        del real[rng.randrange(len(real)) :]
+    elif kind == "long":
+        real += rng.randbytes(rng.randrange(1, 2000))
+    elif kind == "challenge":
+        real = bytearray(b"\xd5\x01C" + rng.randbytes(26))
+        real += tag(OTHER_KEY, bytes(real))
+    return bytes(real)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["udp", "tcp"])
+def test_no_forged_packet_is_accepted(scheme):
+    """They come from the board's own address while it sends 100 samples per second."""
+    rng, sink = random.Random(5), Sink()
+    with FakeBoard(scheme) as board, reader_of(board.url, sink) as reader:
+        wait_until(lambda: len(board.genuine) > 20)
+        for _ in range(FORGERIES):
+            board.send_raw(forge(rng, board))
+            time.sleep(SECONDS / 2 / FORGERIES)
+        seen = reader.statistics.samples
+        wait_until(lambda: reader.statistics.samples > seen + 20)
+        reader.close()
+        statistics = reader.statistics
+        runs = check_counts(board, sink, statistics)
+    assert sink.kinds() == ["start"]
+    assert statistics.bad == 0
+    assert statistics.network.rejected > FORGERIES / 2
+    print(
+        f"\n{scheme}, {FORGERIES} forged packets among {statistics.samples} samples:"
+        f" {statistics.lost} lost, {statistics.network.rejected} rejected,"
+        f" {statistics.network.duplicates} duplicates; send to sink"
+        f" {milliseconds(latencies(board, runs))}"
+    )
+
+
+@pytest.mark.slow
+def test_stream_of_garbage_does_not_end_the_connection():
+    """Over TCP, sequences without a zero byte are bounded, and the stream recovers after them."""
+    rng, sink = random.Random(6), Sink()
+    with FakeBoard("tcp") as board, reader_of(board.url, sink) as reader:
+        for size in (10, 600, 70_000, 300_000):
+            board.send_stream(bytes(1 + b % 255 for b in rng.randbytes(size)) + b"\0")
+        wait_until(lambda: reader.statistics.network.rejected == 4)
+        seen = reader.statistics.samples
+        wait_until(lambda: reader.statistics.samples > seen + 20)
+        reader.close()
+        check_counts(board, sink, reader.statistics)
+    assert sink.kinds() == ["start"]
+
+
+def test_settings_reach_a_board_over_a_bad_network():
+    network = Network(seed=4, loss=0.2, reordered=0.3, duplicates=0.3)
+    with FakeBoard(network=network) as board:
+        settings = ReadoutSettings(channels=5, average=2, rate=50)
+        reader = Reader(partial(open_port, board.url), board.url, settings)
+        with reader:
+            info = reader.info
+            wait_until(lambda: reader.statistics.samples > 3)
+        assert (info.channels, info.averages, info.rate) == (5, 2, 50)
+
+
+@pytest.mark.parametrize("scheme", ["udp", "tcp"])
+def test_errors_before_the_first_sample(scheme, monkeypatch):
+    monkeypatch.setattr("defsense_fab.capture.readout.network_port.CONNECT_TIMEOUT_S", 0.5)
+    with FakeBoard(scheme, board_id="111111111111") as board:
+        with raises(CaptureError, "board-not-paired", board="111111111111"):
+            open_port(board.url)
+        store_board("111111111111", "knee", OTHER_KEY, "")
+        with raises(CaptureError, "pairing-key-differs", board="111111111111"):
+            open_port(board.url)
+        store_board("111111111111", "knee", KEY, "")
+        with raises(CaptureError, "board-address-unknown", board="111111111111"):
+            open_port(f"{scheme}://knee")
+        open_port(board.url).close()
+        open_port(f"{scheme}://knee").close()  # the address was stored
+        store_board(BOARD_ID, "elbow", KEY, f"127.0.0.1:{board.port}")
+        with raises(CaptureError, "board-differs", board="111111111111", expected=BOARD_ID):
+            open_port(f"{scheme}://elbow")
+        port = board.port
+    with raises(CaptureError, "board-unreachable", host="127.0.0.1", port=port):
+        open_port(board.url)
+    with raises(CaptureError, "host-unknown", host="no.such.host.invalid"):
+        open_port(f"{scheme}://no.such.host.invalid")
+
+
+def test_board_without_a_key_is_read_only_on_request(monkeypatch):
+    monkeypatch.setattr("defsense_fab.capture.readout.network_port.CONNECT_TIMEOUT_S", 0.5)
+    with FakeBoard(key=bytes(16)) as board:
+        with raises(CaptureError, "pairing-key-differs"):
+            open_port(board.url)
+        with Reader(partial(open_port, f"{board.url}?key=none"), board.url) as reader:
+            wait_until(lambda: reader.statistics.samples > 3)
+    with FakeBoard() as board, raises(CaptureError, "pairing-key-differs"):
+        open_port(f"{board.url}?key=none")
+
+
+@pytest.mark.slow
+def test_another_board_at_the_same_address_is_not_read():
+    """The reader waits for the board that it read at first."""
+    store_board("111111111111", "knee", KEY, "")
+    sink = Sink()
+    first = FakeBoard()
+    with reader_of(first.url, sink) as reader:
+        wait_until(lambda: reader.statistics.samples > 10)
+        first.close()
+        with FakeBoard(board_id="111111111111", port=first.port) as other:
+            wait_until(lambda: "gap" in sink.kinds())
+            seen = reader.statistics.samples
+            wait_until(lambda: other.hellos > 1)
+            assert reader.statistics.samples == seen
+            assert not other.boots[0].sent
+        with FakeBoard(port=first.port, seed=2):
+            wait_until(lambda: reader.statistics.samples > seen + 10)
+    assert sink.kinds() == ["start", "gap", "resumed", "restart"]
+
+
+def test_paired_boards_are_found_by_id_and_name(tmp_path):
+    store_board("111111111111", "knee", OTHER_KEY, "192.168.1.7")
+    assert [b.name for b in read_boards()] == ["elbow", "knee"]
+    assert find_board("111111111111") == find_board("knee")
+    assert (find_board("knee").key, find_board("knee").address) == (OTHER_KEY, "192.168.1.7")
+    assert find_board("hip") is None
+    store_board("111111111111", "hip", OTHER_KEY, "")
+    assert find_board("knee") is None
+    with raises(CaptureError, "board-name-taken", board=BOARD_ID):
+        store_board("111111111111", "elbow", OTHER_KEY, "")
+    file = tmp_path / "settings" / "boards.toml"
+    if os.name == "posix":
+        assert file.stat().st_mode & 0o777 == 0o600
+    file.write_text(file.read_text("utf-8").replace(KEY.hex(), "secret"), "utf-8")
+    with raises(CaptureError, "pairing-key-invalid") as caught:
+        read_boards()
+    assert "secret" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("board_id", "name", "key", "code"),
+    [
+        ("xyz", "knee", KEY, "board-id-invalid"),
+        ("111111111111", "a knee", KEY, "board-name-invalid"),
+        ("111111111111", "knee", bytes(16), "pairing-key-invalid"),
+        ("111111111111", "knee", KEY[:8], "pairing-key-invalid"),
+    ],
+)
+def test_invalid_entries_are_not_stored(board_id, name, key, code):
+    with raises(CaptureError, code):
+        store_board(board_id, name, key, "")
+    assert [b.name for b in read_boards()] == ["elbow"]
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "udp://",
+        "udp://host:0",
+        "udp://host:65536",
+        "udp://host:port",
+        "tcp://host?key=00",
+        "tcp://host?key",
+        "udp://host/path",
+        "udp://user@host",
+        "udp://[::1",
+    ],
+)
+def test_invalid_urls(url):
+    with raises(CaptureError, "port-url-invalid"):
+        open_port(url)
+
+
+def test_reorder_buffer_waits_for_missing_packets():
+    """It releases what is in order, and the rest after the delay; later packets are refused."""
+    buffer = ReorderBuffer(3600.0)
+    assert buffer.add(2, b"two", 0)
+    assert buffer.add(1, b"one", 5)
+    now = time.monotonic_ns()
+    assert buffer.release() == [(b"one", 5), (b"two", 0)]
+    assert buffer.add(5, b"five", now)
+    assert buffer.add(4, b"", now)
+    assert buffer.release() == []
+    assert 3500 < buffer.time_left() <= 3600
+    patient = ReorderBuffer(0.0)
+    assert patient.add(3, b"three", now)
+    assert patient.release() == [(b"three", now)]
+    assert not patient.add(2, b"two", now)
+    assert patient.time_left() == float("inf")
+
+
+def test_commands_may_come_from_another_thread():
+    """Sequences are unique, so no command is taken for a replay."""
+    sink = Sink()
+    with FakeBoard("tcp") as board, reader_of(board.url, sink) as reader:
+        senders = [
+            threading.Thread(target=lambda: [reader.send("version") for _ in range(20)])
+            for _ in range(3)
+        ]
+        for sender in senders:
+            sender.start()
+        for sender in senders:
+            sender.join(120)
+        wait_until(lambda: sum(event.kind == "info" for event in sink.events) >= 60)
+
+
+@pytest.mark.parametrize("scheme", ["udp", "tcp"])
+def test_access_point_that_drops(scheme):
+    """It is one gap without a restart, and the counter shows what was lost meanwhile."""
+    sink = Sink()
+    with FakeBoard(scheme) as board, reader_of(board.url, sink) as reader:
+        wait_until(lambda: reader.statistics.samples > 10)
+        board.network_is_down = True
+        wait_until(lambda: "gap" in sink.kinds())
+        seen = reader.statistics.samples
+        board.network_is_down = False
+        wait_until(lambda: reader.statistics.samples > seen + 10)
+        reader.close()
+        check_counts(board, sink, reader.statistics)
+        assert reader.statistics.lost > 50
+    assert sink.kinds() == ["start", "gap", "resumed"]
