@@ -202,6 +202,8 @@ def usb_port(number):
 def test_absent_port_is_reported():
     with raises(CaptureError, "port-not-found"):
         flash_board(None, FlashOptions(port="/dev/no-such-port"))
+    with raises(CaptureError, "port-not-serial"):
+        flash_board(None, FlashOptions(port="udp://192.168.1.20"))
 
 
 def test_image_for_a_board_without_one_is_refused():
