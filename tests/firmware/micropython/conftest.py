@@ -23,7 +23,14 @@ def run_in_micropython(folder):
     script = folder / "script.py"
     script.write_text("import scenarios\nscenarios.main('')\n")
     folders = f"{PROGRAM},{SCENARIOS}"
-    command = ["node", HERE / "run_program.mjs", INTERPRETER, folders, script, folder / "input.json"]
+    command = [
+        "node",
+        HERE / "run_program.mjs",
+        INTERPRETER,
+        folders,
+        script,
+        folder / "input.json",
+    ]
     return subprocess.run(command, capture_output=True, text=True)
 
 
