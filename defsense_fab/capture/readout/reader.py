@@ -229,13 +229,12 @@ class Reader:
             except (OSError, TypeError) as error:  # pyserial: TypeError if closed while reading
                 self._start_gap(str(error))
                 continue
+            for data, arrived_ns in chunks:
+                self._decode(data, arrived_ns)
             limit_ns = self._silence_limit_ns()
             if time.monotonic_ns() - self._last_sample_ns > limit_ns:
                 question = "was it reset?" if self.board is None else "is it on and in reach?"
                 self._start_gap(f"silent: no sample for {limit_ns / 1e9:g} s; {question}")
-                continue
-            for data, arrived_ns in chunks:
-                self._decode(data, arrived_ns)
 
     def _decode(self, data: bytes, now: int) -> None:
         """Pass on the messages that these bytes, which arrived at `now`, ns, complete."""

@@ -205,9 +205,9 @@ def page(status: LiveStatus, label: str, ended: str | None = None) -> list[Text]
     line.append(f", {_ms(status.output_latency)} to outputs", "dim")
     if status.surface_rate:
         line.append(f", {_ms(status.view_latency)} to the view", "dim")
-    if status.network is not None:
-        line.append(f", {status.network.summary}", "dim")
     rows = [line]
+    if status.network is not None:
+        rows.append(Text(status.network.summary, "dim"))
     if frame.controls:
         bars = Text()
         for name, value in frame.controls.items():

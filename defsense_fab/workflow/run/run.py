@@ -271,7 +271,7 @@ def connect_panel(actions: PanelActions, loop: LiveLoop) -> None:
     def describe_latency() -> str:
         status = loop.status
         network = "" if status.network is None else status.network.summary
-        return "; ".join(filter(None, (format_latency(status.view_latency), network)))
+        return "\n\n".join(filter(None, (format_latency(status.view_latency), network)))
 
     actions.notes = lambda: loop.status.notes
     actions.latency = describe_latency
