@@ -1,6 +1,7 @@
 """Run the program's scenarios in MicroPython's WebAssembly build and in CPython."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -55,3 +56,48 @@ def run_scenario(request, tmp_path):
         return json.loads(done.stdout)
 
     return run
+
+
+class LoopbackBoard:
+    """The program in a process of CPython, on sockets of this machine and a pseudo-terminal.
+
+    Args:
+        settings: File with the board's stored settings.
+        port: Number of the UDP and TCP ports; 0 for any free ones.
+    """
+
+    def __init__(self, settings, port=0):
+        command = [sys.executable, HERE / "loopback_board.py", PROGRAM, settings, str(port)]
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        ports = json.loads(self._process.stdout.readline())
+        self.serial, self.udp, self.tcp = ports["serial"], ports["udp"], ports["tcp"]
+
+    def stop(self):
+        self._process.kill()
+        self._process.wait()
+        self._process.stdout.close()
+
+
+@pytest.fixture
+def settings(tmp_path):
+    """File with the board's stored settings."""
+    return tmp_path / "defsense.json"
+
+
+@pytest.fixture
+def start_board(settings, tmp_path, monkeypatch):
+    """Function that starts a board; paired boards are those of this test."""
+    if os.name == "nt":
+        pytest.skip("pseudo-terminals are missing")
+    monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path / "config"))
+    boards = []
+
+    def start(stored=None, port=0):
+        if stored is not None:
+            settings.write_text(json.dumps(stored))
+        boards.append(LoopbackBoard(settings, port))
+        return boards[-1]
+
+    yield start
+    for board in boards:
+        board.stop()

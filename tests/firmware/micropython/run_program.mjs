@@ -8,9 +8,7 @@ import {pathToFileURL} from 'node:url';
 
 const [interpreter, folders, script, input] = process.argv.slice(2);
 const {loadMicroPython} = await import(pathToFileURL(interpreter));
-// 190 KiB: less than what an ESP32 or a Pico W leaves to programs.
 const python = await loadMicroPython({
-    heapsize: 190 * 1024,
     stdout: (line) => console.error(line),
     linebuffer: true,
 });

@@ -164,6 +164,7 @@ def run_board(case):
     busy = case.get("busy", [])  # times at which the board has no time for 50 ms
     while time.now < case["seconds"] * 1000000:
         board.loop()
+        time.advance(20)
         if busy and busy[0] <= time.now:
             busy.pop(0)
             time.advance(50000)
