@@ -58,6 +58,16 @@ def test_board_with_wifi_is_shown_with_its_network(run, tmp_path, monkeypatch):
     assert "network" not in run("ports", "--port", "twin", "--seconds", "0.5", "--json")
 
 
+def test_duration_starts_when_the_board_answers(run, tmp_path, monkeypatch):
+    """Boards that restart when they are opened answer after seconds."""
+    monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path))
+    store_board(BOARD_ID, "elbow", KEY, "")
+    with FakeBoard() as board:
+        board.reboot(seconds=1.0)
+        data = run("ports", "--port", board.url, "--seconds", "0.1", "--json")
+    assert data["samples"] > 0
+
+
 @pytest.mark.parametrize(("query", "warnings"), [("?key=none", 1), ("", 0)])
 def test_port_without_a_key_is_read_with_a_warning(capsys, tmp_path, monkeypatch, query, warnings):
     monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path))
