@@ -265,7 +265,9 @@ class NetworkPort:
                 challenge = read_challenge(packet)
                 if challenge is None or challenge.host_nonce != nonce:
                     self._receive(packet, arrived_ns)
-                elif challenge != self._challenge and self._answer(packet, challenge):
+                elif self._is_confirmed or challenge == self._challenge:
+                    continue  # a replay must not end the session
+                elif self._answer(packet, challenge):
                     next_send, end = 0.0, min(end, time.monotonic() + CONFIRMATION_TIMEOUT_S)
             if self._is_confirmed:
                 self._count_malformed()

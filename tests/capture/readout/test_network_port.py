@@ -15,6 +15,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from cobs import cobs
 
 from defsense_fab.capture.clocks.clock_fit import fit_clocks
 from defsense_fab.capture.readout.network_port import ReorderBuffer
@@ -379,6 +380,31 @@ def test_reorder_buffer_waits_for_missing_packets():
     assert patient.release() == [(b"three", now)]
     assert not patient.add(2, b"two", now)
     assert patient.time_left() == float("inf")
+
+
+class ReplayingBoard(FakeBoard):
+    """A board whose challenges to the first hello arrive again right behind its first pong."""
+
+    def __init__(self):
+        super().__init__("tcp")
+        self._held, self._is_held = [], True
+
+    def _put(self, data):
+        if data[2:3] == b"C":
+            self._held.append(data)
+            if len(self._held) == 1:  # lost, so that the host sends another hello
+                return
+        if data[2:3] == b"Q" and self._is_held:
+            self._is_held = False
+            packets = [data, self._held[0]]
+            self._peer.sendall(b"".join(cobs.encode(packet) + b"\0" for packet in packets))
+        else:
+            super()._put(data)
+
+
+def test_replayed_challenge_does_not_end_a_confirmed_session():
+    with ReplayingBoard() as board, Reader(partial(open_port, board.url), board.url) as reader:
+        wait_until(lambda: reader.statistics.samples > 3)
 
 
 def test_recording_over_a_reordering_network_is_played_as_one_run(tmp_path):
