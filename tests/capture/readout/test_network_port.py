@@ -330,6 +330,16 @@ def test_paired_boards_are_found_by_id_and_name(tmp_path):
     assert "secret" not in str(caught.value)
 
 
+@pytest.mark.parametrize("value", ["1122334455667788", '["112233"]', "{ a = 112233 }"])
+def test_keys_do_not_appear_in_messages(tmp_path, value):
+    assert "x01" not in repr(find_board("elbow"))
+    file = tmp_path / "settings" / "boards.toml"
+    file.write_text(file.read_text("utf-8").replace(f'"{KEY.hex()}"', value), "utf-8")
+    with raises(CaptureError, "pairing-key-invalid") as caught:
+        read_boards()
+    assert "112233" not in f"{caught.value} {caught.value.data}"
+
+
 @pytest.mark.parametrize(
     ("board_id", "name", "key", "code"),
     [
