@@ -148,6 +148,12 @@ def test_too_many_cords_for_a_board_are_a_note_of_the_build():
     assert plan_if_possible(replace(device, converter="ads1115"), manifest)[1] == ()
 
 
+@pytest.mark.parametrize("url", ["udp://127.0.0.1", "tcp://elbow"])
+def test_firmware_is_not_written_over_a_network(url):
+    with raises(CaptureError, "port-not-serial"):
+        run_command(["board", "flash", "--port", url, "--yes", "--force"])
+
+
 @pytest.fixture
 def silent_port(monkeypatch):
     """Return the port of a board on which nothing answers."""
