@@ -8,10 +8,12 @@ import hashlib
 import hmac
 import os
 import random
+import socket
 import struct
 import threading
 import time
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -390,6 +392,28 @@ def test_reorder_buffer_waits_for_missing_packets():
     assert patient.release() == [(b"three", now)]
     assert not patient.add(2, b"two", now)
     assert patient.time_left() == float("inf")
+
+
+class WindowsSocket(socket.socket):
+    """A socket that fails if a datagram is longer than its buffer, as those of Windows do."""
+
+    def recv(self, size):
+        data = super().recv(1 << 16)
+        if len(data) > size:
+            raise OSError(10040, "the message was larger than the buffer")
+        return data
+
+
+def test_long_datagram_does_not_end_the_connection(monkeypatch):
+    monkeypatch.setattr(
+        "defsense_fab.capture.readout.network_links.socket",
+        SimpleNamespace(**{**vars(socket), "socket": WindowsSocket}),
+    )
+    with FakeBoard() as board, Reader(partial(open_port, board.url), board.url) as reader:
+        board.send_raw(bytes(2000))
+        wait_until(lambda: reader.statistics.network.rejected == 1)
+        seen = reader.statistics.samples
+        wait_until(lambda: reader.statistics.samples > seen + 3)
 
 
 class ReplayingBoard(FakeBoard):
