@@ -226,6 +226,20 @@ def test_mpe_player(tmp_path):
     assert max(m.value for m in messages if m.type == "aftertouch") > 120
 
 
+def test_mpe_player_without_a_device_keeps_an_earlier_file(tmp_path):
+    path = tmp_path / "take.mid"
+    path.write_bytes(b"an earlier take")
+    with socket.socket() as silent:  # bound, but nothing listens
+        silent.bind(("127.0.0.1", 0))
+        url = f"ws://127.0.0.1:{silent.getsockname()[1]}/"
+        for file in (path, tmp_path / "missing" / "take.mid"):
+            words = [EXAMPLES / "mpe_player.py", "--url", url, "--file", file]
+            player = subprocess.run([sys.executable, *words], capture_output=True, text=True)
+            assert player.returncode == 1
+            assert "Traceback" not in player.stderr
+    assert path.read_bytes() == b"an earlier take"
+
+
 def test_websocket_client(run):
     output = WebSocketOutput(WebSocketSettings(port=0, token="a-token-of-my-own"))
     port = output.port
