@@ -369,6 +369,7 @@ def test_invalid_entries_are_not_stored(board_id, name, key, code):
         "udp://host/path",
         "udp://user@host",
         "udp://[::1",
+        "udp://[::1]x",
     ],
 )
 def test_invalid_urls(url):
