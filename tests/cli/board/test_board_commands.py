@@ -78,6 +78,13 @@ def test_port_without_a_key_is_read_with_a_warning(capsys, tmp_path, monkeypatch
     assert sum(line.startswith("warning: ") for line in lines) == warnings
 
 
+@pytest.mark.parametrize("words", [["reference", "--known", "2200"], ["check", str(BAR)]])
+def test_all_commands_warn_of_ports_without_a_key(capsys, words):
+    with pytest.raises(DefsenseError):  # not a port, or the device is not built
+        run_command(["board", *words, "--port", "udp://127.0.0.1:0?key=none"])
+    assert capsys.readouterr().err.startswith("warning: ")
+
+
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan"])
 def test_invalid_duration_is_refused(seconds):
     with raises(DefsenseError, "out-of-range") as caught:
