@@ -16,7 +16,7 @@ KINDS = {".toml", ".py", ".stl", ".md", ".png", ".ino", ".h", ".c", ".cpp", ".pr
 def carried(name, folder):
     """Files of a folder: devices that have a picture beside them, examples that are experiments,
     and all of the firmware, without what was built there."""
-    if name == "firmware":
+    if name == "arduino":
         found = folder.rglob("*")
     elif name == "devices":
         found = (f for p in folder.glob("*.png") for f in (p, *p.with_suffix("").iterdir()))

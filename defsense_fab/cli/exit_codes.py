@@ -2,7 +2,8 @@
 
 #: Success.
 DONE = 0
-#: The answer is no: `capture camera check` found that the calibration does not hold.
+#: The answer is no: `capture camera check` found that the calibration does not hold, or
+#: `board check` that a channel needs attention.
 NO = 1
 #: The input or the machine does not allow the command; an error was printed.
 REFUSED = 2

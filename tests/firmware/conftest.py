@@ -9,7 +9,19 @@ from collections import defaultdict
 import pytest
 import serial
 
+from defsense_fab.capture.boards import stk500
+from defsense_fab.capture.readout import greeting, reader
 from tests.firmware import build
+
+
+@pytest.fixture(autouse=True)
+def _patience(monkeypatch):
+    """Wait longer for boards that are simulated on a busy machine."""
+    monkeypatch.setattr(stk500, "SYNC_TIMEOUT_S", 1.5)
+    monkeypatch.setattr(stk500, "SYNC_TRIES", 1)
+    monkeypatch.setattr(stk500, "ANSWER_TIMEOUT_S", 20)
+    monkeypatch.setattr(greeting, "GREETING_TIMEOUT_S", 20)
+    monkeypatch.setattr(reader, "SILENCE_S", 30)
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,7 @@ from tests.firmware.conftest import collect
 from tests.support.errors import raises
 
 #: Simulated seconds of the long runs.
-SECONDS = int(os.environ.get("DEFSENSE_FIRMWARE_SECONDS", "20"))
+SECONDS = int(os.environ.get("DEFSENSE_FIRMWARE_SECONDS", "12"))
 
 
 def test_golden_frames_in_c(built):
@@ -64,10 +64,9 @@ def test_samples_equal_the_conversions(board, sketch, settings, options):
     begin = int(np.argmax(np.abs(steps - 1e6 / settings.rate) < 100))
     samples = samples[begin + 2 :]
     assert statistics.bad <= 1  # the frame that was cut when the reader started
-    # The board does not wait for a host that is slow to greet it; it has time left afterwards.
+    # The board does not wait for a slow host: time passes until it is greeted, and the last samples
+    # are lost when it ends.
     assert len(samples) > 2 * settings.rate
-    remaining = SECONDS - samples[0].micros / 1e6
-    assert len(samples) > 0.9 * remaining * settings.rate
     assert (np.diff([s.counter for s in samples]) == 1).all()
     assert not any(s.late for s in samples)
     sums = np.array([s.sums for s in samples])

@@ -61,12 +61,12 @@ def test_wheel_contains_the_files_of_the_package_only(unpacked):
     files = {n for n in files if ".dist-info/" not in n}
     package = {n for n in _tracked() if n.startswith("defsense_fab/")}
     carried = {n for n in files if n.startswith(tuple(f"defsense_fab/data/{k}/" for k in
-               ("devices", "examples", "firmware")))}  # fmt: skip
+               ("devices", "examples", "arduino")))}  # fmt: skip
     (kernels,) = files - carried - package  # compiled for this system, for all Pythons
     assert kernels.startswith("defsense_fab/core/machine/kernels.")
     assert package <= files
     for name, folder in (("devices", "fixtures/devices"), ("examples", "examples"),
-                         ("firmware", "firmware")):  # fmt: skip
+                         ("arduino", "firmware")):  # fmt: skip
         copies = [n for n in carried if n.startswith(f"defsense_fab/data/{name}/")]
         assert copies
         for copy in copies:
@@ -78,6 +78,7 @@ _PROGRAM = """
 from pathlib import Path
 import defsense_fab
 assert defsense_fab.__file__.startswith({here!r}), defsense_fab.__file__
+from defsense_fab.capture.boards.images import IMAGES
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.storage.package_data import package_data, read_rows
 from defsense_fab.report.html import environment
@@ -91,7 +92,8 @@ for experiment in find_experiments(example_names()):
     assert not device.exists() or load_device(experiment.folder).body.path.is_file()
 templates = environment().list_templates()
 assert {{"report.html", "guide/instructions.jinja", "viewer/page/view.html"}} <= set(templates)
-assert (package_data("firmware") / "DefSense" / "src" / "DefSense.cpp").is_file()
+assert (package_data("arduino") / "DefSense" / "src" / "DefSense.cpp").is_file()
+assert all(image.read() for image in IMAGES.values())
 """
 
 

@@ -17,7 +17,8 @@ _TEXTS: dict[str, tuple[str, str]] = {
     ),
     "open": (
         "{cord} is open: no current flows through it",
-        "Check both of its joints, its wire to ground, and that its plug is in its pin",
+        "Check both of its joints, its wire to ground, and that its plug is in its pin; a reference"
+        " resistor that is far too small looks the same",
     ),
     "short": (
         "{cord} is shorted: its pin is at ground, or its reference resistor is missing",

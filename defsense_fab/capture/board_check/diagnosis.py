@@ -92,6 +92,7 @@ class _Diagnosis:
         self._noise = np.hypot(self._slope * noise, steps)
         self._hum: list[Hum | None] = [self._fit_hum(c) for c in range(self._count)]
         self._end = [self._find_end(c) for c in range(self._count)]
+        self._jumps = [self._count_jumps(c) for c in range(self._count)]
         self._supply = self._find_supply()
 
     def findings(self) -> list[Finding]:
@@ -113,16 +114,16 @@ class _Diagnosis:
         if c in bridges:
             others = tuple(self._cords[i].name for i in bridges[c])
             return finding(c, cord, "short", self._board.reference[c], data, others)
+        jumps = self._jumps[c]
+        if jumps:
+            data["jumps"] = jumps
+            return finding(c, cord, "loose", self._board.reference[c], data)
         actual = self._cords[int(assignment.cords[c])]
         if actual is not cord:
             data["ratio"] = assignment.ratio
             return finding(c, cord, "swapped", self._board.reference[c], data, (actual.name,))
         if self._is_decade_off(c):
             return finding(c, cord, "reference-wrong", self._board.reference[c], data)
-        jumps = self._count_jumps(c)
-        if jumps:
-            data["jumps"] = jumps
-            return finding(c, cord, "loose", self._board.reference[c], data)
         hum = self._hum[c]
         if hum is not None and self._is_hum(c, hum):
             data |= {"hertz": hum.frequency, "rms": hum.rms / self._slope[c]}
@@ -145,7 +146,7 @@ class _Diagnosis:
         full, share = self._board.full_scale, self._share[c]
         if share > 1 + _SUPPLY_RTOL:
             return "saturated"
-        if share >= _OPEN_SHARE[self._board.converter] or full > MAX_COUNT <= counts.max():
+        if share >= _OPEN_SHARE[self._board.converter] or full > MAX_COUNT <= np.nanmedian(counts):
             return "open"
         if share <= _SHORT_SHARE:
             return "short"
@@ -248,7 +249,12 @@ class _Diagnosis:
 
     def _assign(self, bridges: dict[int, tuple[int, ...]]) -> Assignment:
         """Return which cord each channel reads."""
-        usable = np.array([self._is_sound(c) and c not in bridges for c in range(self._count)])
+        usable = np.array(
+            [
+                self._is_sound(c) and c not in bridges and not self._jumps[c]
+                for c in range(self._count)
+            ]
+        )
         ohm = np.where(usable, self._ohm, np.nan)
         changes = {}
         for pose in self._poses:

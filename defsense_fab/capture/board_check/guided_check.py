@@ -20,8 +20,8 @@ from .channel_texts import format_ohm
 from .diagnosis import diagnose
 from .records import BoardSetup, ExpectedCord, Finding, Phase, PhaseKind
 
-#: Durations of the readings of a step, s. At rest: half of the time in which a frequency can be
-#: told from one 0.2 Hz away. Wires: some ten movements of a hand. Poses: until a median is steady.
+#: Durations of the readings of a step, s. At rest: frequencies 0.2 Hz apart are resolved. Wires:
+#: some ten movements of a hand. Poses: until a median is steady.
 STEP_S: Mapping[PhaseKind, float] = {"rest": 5.0, "wiggle": 3.0, "pose": 2.0}
 #: Time until readings count, s: a hand has let go, or holds the pose.
 LEAD_S = 1.5

@@ -9,7 +9,7 @@ from ...core.storage.package_data import package_data
 from ...sensing.serial_frames import PROTOCOL, Info
 from .intel_hex import read_intel_hex
 
-IMAGES_FOLDER = package_data("firmware") / "images"
+IMAGES_FOLDER = package_data("arduino") / "images"
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ licences = command("licences", "defsense licences", "defsense licences --json")
 def _licences(*, output: OutputOptions = _NO_OUTPUT) -> None:
     """List the licenses of libraries.
 
-    These are all installed libraries that this program needs directly or indirectly. The licenses
-    come from their metadata.
+    These are all installed libraries that this program needs directly or indirectly, with the
+    licenses that their metadata state, and the libraries in the compiled firmware of boards.
     """
     from ...workflow.doctor.libraries import installed_licences
 

@@ -37,6 +37,7 @@ class ActionKind(StrEnum):
     PADS = "connect pads"
     MEASURE = "measure"
     CONNECT = "wire to the board"
+    CHECK = "check wiring"
 
 
 #: A state of the work that an action brings about: its name, then the cord, end or joint.

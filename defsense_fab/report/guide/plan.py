@@ -393,6 +393,8 @@ class _Planner:
             {("connected",)},
             expected=tuple(expect_installed(c) for c in self._manifest.cords),
         )
+        if self._manifest.cords:
+            self._add(ActionKind.CHECK, {("connected",)}, {("checked",)})
 
 
 def _details(cord: CutCord, end: int, joint: int | None, is_late: bool) -> dict[str, Any]:

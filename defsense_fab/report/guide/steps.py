@@ -33,6 +33,14 @@ _BENCH_KINDS = {
     ActionKind.TRIM,
     ActionKind.MEASURE,
 }
+#: Kinds of actions that are steps of their own.
+_OWN_STEPS = {
+    ActionKind.PRINT,
+    ActionKind.CAST,
+    ActionKind.TRY_PINS,
+    ActionKind.CONNECT,
+    ActionKind.CHECK,
+}
 
 
 @dataclass(frozen=True)
@@ -187,7 +195,7 @@ def guide_steps(
 
 def _step_key(action: Action) -> tuple[str, int | None]:
     """Return the kind and the joint of the step to which an action belongs."""
-    if action.kind in (ActionKind.PRINT, ActionKind.CAST, ActionKind.TRY_PINS, ActionKind.CONNECT):
+    if action.kind in _OWN_STEPS:
         return action.kind.value, None
     if action.kind is ActionKind.PADS:
         return "pads", None
@@ -236,6 +244,7 @@ def _write_title(
         "try pins": "Try the pins",
         "cords": "Cut the cords and crimp their wires",
         "thread": f"Insert {_label_cords(actions)}",
+        "check wiring": "Check the wiring",
         "wire to the board": f"Connect the {'traces' if manifest.traces else 'cords'} and measure",
     }[kind]
 

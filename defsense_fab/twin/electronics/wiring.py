@@ -146,13 +146,15 @@ class Wiring:
             elif fault.kind == SUPPLY:
                 supply *= _amount(fault)
         to_ground = self._add_wires(ohm[wires], wires, time, faults)
+        bridges = [fault for fault in faults if fault.kind == BRIDGE]
+        if not bridges:
+            return np.asarray(supply * to_ground / (to_ground + resistors))
         conductance = np.diag(1 / resistors + 1 / to_ground)
-        for fault in faults:
-            if fault.kind == BRIDGE:
-                i, j = fault.channels
-                g = 1 / _amount(fault)
-                conductance[[i, j], [i, j]] += g
-                conductance[[i, j], [j, i]] -= g
+        for fault in bridges:
+            i, j = fault.channels
+            g = 1 / _amount(fault)
+            conductance[[i, j], [i, j]] += g
+            conductance[[i, j], [j, i]] -= g
         return np.asarray(np.linalg.solve(conductance, supply / resistors))
 
     def _add_wires(self, ohm: Float, wires: Int, time: float, faults: list[CordFault]) -> Float:

@@ -35,6 +35,7 @@ _WIRE_HZ = 2.1
 _SPREADS = (0.04, 0.07)  # range of the deviation of R0 of pieces between batches
 _SUPPLY_SPREAD, _CLOCK_SPREAD = 0.005, 0.002  # of a 3.3 V regulator and of a resonator
 _NOISE_RANGE = (0.7, 1.5)  # range of the noise of units, relative to that of the cord's table
+_MAX_SPEED = 10.0  # a sample takes 0.1 ms; a slower computer could not keep up
 _FIRST_SEED = 97  # combined with the numbers of unit and session
 
 
@@ -72,7 +73,8 @@ class WiringTwinOptions:
                 if name not in ("unit", "seed", "speed"):
                     raise ValueError
                 values[name] = float(number) if name == "speed" else int(number)
-                if not 0 <= values[name] < 1e6 or (name == "speed" and not values[name]):
+                limit = _MAX_SPEED if name == "speed" else 10**6
+                if not 0 <= values[name] <= limit or (name == "speed" and not values[name]):
                     raise ValueError
             except ValueError:
                 raise CaptureError(
@@ -99,7 +101,7 @@ class WiringTwin:
         reference: Nominal reference resistors (c,), ohm: those of the build.
         converter: Converter, 0 or 1, as in `Info`.
         full_scale: Counts at the supply's nominal voltage.
-        averages: Conversions per sample that the board takes by itself.
+        averages: Conversions per sample after the board was switched on.
 
     Raises:
         CaptureError: The device is not built, or a fault is not valid.

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ...capture.boards.images import FirmwareImage, find_image
 from ...capture.boards.stk500 import BootLoader, write_flash
+from ...capture.readout.network_url import is_network_url
 from ...capture.readout.ports import find_only_port, open_port
 from ...capture.readout.reader import Reader
 from ...core.device.boards import ADS1115, find_board
@@ -63,7 +64,8 @@ def flash_board(
     Raises:
         DeviceError: The device cannot be read.
         CaptureError: No port, or several ports are plugged in (`board-not-found`,
-            `port-ambiguous`), the port cannot be opened (`port-busy`, `port-forbidden`, ...),
+            `port-ambiguous`), the port is a network connection (`port-not-serial`) or cannot be
+            opened (`port-busy`, `port-forbidden`, ...),
             the board runs another program and the option `yes` is not set
             (`replacement-not-confirmed`), the firmware could not be written (see `write_flash`), or
             does not run afterwards (`firmware-not-running`).
@@ -71,6 +73,14 @@ def flash_board(
     image = _choose_image(device, options)
     data = image.read()
     port = options.port or find_only_port()
+    if is_network_url(port):
+        raise CaptureError(
+            "the firmware cannot be written over a network",
+            code="port-not-serial",
+            where=port,
+            action="Connect the board by USB, and use its serial port",
+            port=port,
+        )
     installed = None
     if not (options.yes and options.force):  # otherwise it is written in any case
         progress("read", 0, "reading the installed version")

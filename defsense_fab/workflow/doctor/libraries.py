@@ -144,12 +144,12 @@ def import_module(name: str) -> str:
 
 @dataclass(frozen=True)
 class Licence:
-    """The licence of a distribution.
+    """The licence of a distribution, or of a library in the firmware's images.
 
     Attributes:
-        name: Name of the distribution.
+        name: Its name.
         version: Its version.
-        licence: Its licence, as its metadata states it.
+        licence: Its licence, as its metadata or its source state it.
     """
 
     name: str
@@ -157,10 +157,18 @@ class Licence:
     licence: str
 
 
+#: Libraries that are compiled into the images of the firmware (firmware/images/README.md).
+FIRMWARE_LICENCES = (
+    Licence("firmware: ArduinoCore-avr", "1.8.7", "LGPL-2.1-or-later"),
+    Licence("firmware: avr-libc", "2.0.0", "BSD-3-Clause"),
+    Licence("firmware: libgcc", "5.4.0", "GPL-3.0-or-later WITH GCC-exception-3.1"),
+)
+
+
 def installed_licences() -> list[Licence]:
     """Return the licences of the project's installed dependencies, direct and indirect, by name.
 
-    The extra `dev` is left out.
+    The extra `dev` is left out. The libraries in the images of the firmware follow.
 
     Raises:
         StorageError: The project is not installed as a package (`package-not-installed`).
@@ -199,7 +207,7 @@ def installed_licences() -> list[Licence]:
             for r in map(Requirement, distribution.requires or ())
             if r.marker is None or any(r.marker.evaluate({"extra": e}) for e in new)
         ]
-    return [licences[key] for key in sorted(licences)]
+    return [*(licences[key] for key in sorted(licences)), *FIRMWARE_LICENCES]
 
 
 def read_licence(package: metadata.PackageMetadata) -> str:

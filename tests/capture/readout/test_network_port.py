@@ -15,12 +15,14 @@ from functools import partial
 
 import numpy as np
 import pytest
+from cobs import cobs
 
 from defsense_fab.capture.clocks.clock_fit import fit_clocks
 from defsense_fab.capture.readout.network_port import ReorderBuffer
 from defsense_fab.capture.readout.paired_boards import find_board, read_boards, store_board
 from defsense_fab.capture.readout.ports import open_port
 from defsense_fab.capture.readout.reader import Reader, ReadoutSettings
+from defsense_fab.capture.readout.recording import Recorder, Replay, read_recording
 from defsense_fab.capture.readout.source import Event, StampedSample
 from defsense_fab.core.errors import CaptureError
 from tests.capture.readout.fake_board import BOARD_ID, KEY, FakeBoard, Network, sums_of, tag
@@ -341,6 +343,16 @@ def test_paired_boards_are_found_by_id_and_name(tmp_path):
     assert "secret" not in str(caught.value)
 
 
+@pytest.mark.parametrize("value", ["1122334455667788", '["112233"]', "{ a = 112233 }"])
+def test_keys_do_not_appear_in_messages(tmp_path, value):
+    assert "x01" not in repr(find_board("elbow"))
+    file = tmp_path / "settings" / "boards.toml"
+    file.write_text(file.read_text("utf-8").replace(f'"{KEY.hex()}"', value), "utf-8")
+    with raises(CaptureError, "pairing-key-invalid") as caught:
+        read_boards()
+    assert "112233" not in f"{caught.value} {caught.value.data}"
+
+
 @pytest.mark.parametrize(
     ("board_id", "name", "key", "code"),
     [
@@ -381,7 +393,7 @@ def test_reorder_buffer_waits_for_missing_packets():
     assert buffer.add(2, b"two", 0)
     assert buffer.add(1, b"one", 5)
     now = time.monotonic_ns()
-    assert buffer.release() == [(b"one", 5), (b"two", 0)]
+    assert buffer.release() == [(b"one", 5), (b"two", 5)]
     assert buffer.add(5, b"five", now)
     assert buffer.add(4, b"", now)
     assert buffer.release() == []
@@ -391,6 +403,50 @@ def test_reorder_buffer_waits_for_missing_packets():
     assert patient.release() == [(b"three", now)]
     assert not patient.add(2, b"two", now)
     assert patient.time_left() == float("inf")
+
+
+class ReplayingBoard(FakeBoard):
+    """A board whose challenges to the first hello arrive again right behind its first pong."""
+
+    def __init__(self):
+        super().__init__("tcp")
+        self._held, self._is_held = [], True
+
+    def _put(self, data):
+        if data[2:3] == b"C":
+            self._held.append(data)
+            if len(self._held) == 1:  # lost, so that the host sends another hello
+                return
+        if data[2:3] == b"Q" and self._is_held:
+            self._is_held = False
+            packets = [data, self._held[0]]
+            self._peer.sendall(b"".join(cobs.encode(packet) + b"\0" for packet in packets))
+        else:
+            super()._put(data)
+
+
+def test_replayed_challenge_does_not_end_a_confirmed_session():
+    with ReplayingBoard() as board, Reader(partial(open_port, board.url), board.url) as reader:
+        wait_until(lambda: reader.statistics.samples > 3)
+
+
+def test_recording_over_a_reordering_network_is_played_as_one_run(tmp_path):
+    """Arrival times that go back would be those of another run, and be played after a pause."""
+    path = tmp_path / "run.csv"
+    network = Network(seed=7, reordered=0.5, delay=0.015)
+    with FakeBoard(rate=200, network=network) as board, Recorder(path, 3) as recorder:
+        reader = Reader(partial(open_port, board.url), board.url, keep_items=False)
+        reader.sink = recorder.add
+        with reader:
+            wait_until(lambda: reader.statistics.samples > 100)
+        assert reader.statistics.network.reordered > 0
+    recording = read_recording(path)
+    assert (np.diff(recording.host_ns) >= 0).all()
+    replay = Replay(path, speed=1e3)
+    replay.start()
+    items = []
+    wait_until(lambda: items.extend(replay.drain()) or len(items) == len(recording.counter))
+    assert items[-1].device_us - items[0].device_us == np.ptp(recording.device_us)
 
 
 def test_commands_may_come_from_another_thread():

@@ -85,6 +85,16 @@ def kinds(items):
     return [i.kind for i in items if isinstance(i, Event) and i.kind not in ("info", "text")]
 
 
+def test_settings_can_depend_on_the_board():
+    def choose(info):
+        return ReadoutSettings(channels=2, average=info.averages // 2, rate=80)
+
+    with contextlib.closing(Reader(board, "twin", choose)) as reader:
+        reader.start()
+        settings = reader.info.channels, reader.info.averages, reader.info.rate
+        assert settings == (2, 8, 80)
+
+
 @pytest.mark.slow
 def test_unplugged_in_the_middle_of_a_recording(plug, tmp_path):
     """The file holds all frames before and after, and marks the gap."""

@@ -104,6 +104,13 @@ def test_window_of_a_few_rows_shows_the_keys():
     assert "step 2 of 2" in rows[0]
 
 
+def test_bars_show_the_expected_range():
+    bars = Bars(np.array([[0.25]]), ("a",), bands=np.array([[0.5, 0.75]]), states=("fault",))
+    state = RunState("active", 0, frozenset(), ())
+    (row,) = [r for r in visible_rows(GuidedView(state, "", "", parts=(bars,)), 24) if "█" in r]
+    assert row.count("█") == row.count("▒") == 6  # a quarter of 24 characters each
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_points_on_pictures(count):
     image = np.full((480, 640), 128, np.uint8)

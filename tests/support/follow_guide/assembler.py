@@ -274,6 +274,10 @@ class Assembler(State):
             self._check(c.measured > 0, f"{c.name} was never measured")
         self._done.add(("connected",))
 
+    def _check_wiring(self, *_: Any) -> None:
+        self._check(("connected",) in self._done, "wiring is checked before it is connected")
+        self._done.add(("checked",))
+
     def finish(self) -> list[str]:
         """Return all complaints, including actions that are missing at the end."""
         self._number, self._kind = self._number + 1, "finish"
@@ -293,4 +297,6 @@ class Assembler(State):
                     line is None or line.inserted.all(), f"a wire of {c.name} is not routed"
                 )
         self._check(("connected",) in self._done, "nothing was connected to the board")
+        if self.cords:
+            self._check(("checked",) in self._done, "the wiring was not checked")
         return self.complaints

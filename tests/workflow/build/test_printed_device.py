@@ -159,6 +159,7 @@ def test_the_guide_has_no_joints_and_cords(folder):
         "connect pads",
         "connect pads",
         "wire to the board",
+        "check wiring",
     ]
     assert [a.get("cord") for a in actions[1:3]] == ["trace-1", "trace-2"]
     assert actions[1]["ohm"][0]["about"] > 1000

@@ -89,6 +89,7 @@ def test_licences_come_from_the_metadata():
     assert "MIT" in licences["rich"]
     assert "BSD" in licences["numpy"]
     assert "pytest" not in licences
+    assert "LGPL" in licences["firmware: arduinocore-avr"]
 
 
 def test_picture_of_a_camera_is_written(tmp_path):

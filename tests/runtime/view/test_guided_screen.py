@@ -5,18 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from defsense_fab.core.guided_parts import Bars, Curve, Picture, Plot
 from defsense_fab.core.guided_run import STOP, GuidedView, Key, RunState
 from defsense_fab.core.progress import Notice
 from defsense_fab.runtime.view.guided_screen import (
+    BAND_COLOR,
     HIGHLIGHT_RGB,
     PICTURE_WIDTH,
+    STATE_COLORS,
     GuidedScreen,
     part_html,
     small_picture,
     view_text,
 )
+from defsense_fab.runtime.view.page_server import close_page, serve_page
+from tests.runtime.view.test_page_server import free_port
 
 TIMEOUT_S = 600.0
 OUTLINE = np.array([[[2.0, 2], [20, 2], [20, 20], [2, 20]]])
@@ -40,9 +45,17 @@ VIEW = GuidedView(
 )
 
 
-def test_state_and_keys_of_the_phase_are_shown(studio_page):
-    folder = studio_page.bench.server.gui.add_folder("test")
-    screen = GuidedScreen(studio_page.bench.server, folder, "Recording")
+@pytest.fixture(scope="module")
+def page():
+    pytest.importorskip("viser")
+    server = serve_page(free_port(), "test")
+    yield server
+    close_page(server)
+
+
+def test_state_and_keys_of_the_phase_are_shown(page):
+    folder = page.gui.add_folder("test")
+    screen = GuidedScreen(page, folder, "Recording")
     screen.text_interval_s = screen.picture_interval_s = 0.0
     screen.show(VIEW)
     assert screen.view is VIEW
@@ -56,9 +69,9 @@ def test_state_and_keys_of_the_phase_are_shown(studio_page):
     folder.remove()
 
 
-def test_updates_are_limited_but_the_end_is_shown(studio_page):
-    folder = studio_page.bench.server.gui.add_folder("test")
-    screen = GuidedScreen(studio_page.bench.server, folder, "Recording")
+def test_updates_are_limited_but_the_end_is_shown(page):
+    folder = page.gui.add_folder("test")
+    screen = GuidedScreen(page, folder, "Recording")
     screen.text_interval_s = TIMEOUT_S
     screen.show(VIEW)
     screen.show(replace(VIEW, title="later"))
@@ -74,6 +87,15 @@ def test_text_has_the_step_the_instruction_and_the_notes():
     text = view_text(VIEW)
     for part in (VIEW.title, VIEW.instruction, VIEW.status[0], f"- **{VIEW.notes[0]}**"):
         assert part in text
+
+
+def test_bars_show_their_state_and_the_expected_range():
+    bars = Bars(np.array([[0.5], [0.9]]), bands=np.array([[0.4, 0.6]] * 2), states=("ok", "fault"))
+    text = part_html(bars)
+    assert text.count(BAND_COLOR) == 2
+    assert STATE_COLORS["ok"] in text
+    assert STATE_COLORS["fault"] in text
+    assert "left:40.0%;width:20.0%" in text
 
 
 def test_bars_show_the_filled_parts():

@@ -1,0 +1,1 @@
+"""Tests of the MicroPython program, in MicroPython and in CPython."""
