@@ -102,3 +102,44 @@ class FlashOptions:
 
     def __post_init__(self) -> None:
         check_options(self, CaptureError)
+
+
+@dataclass(frozen=True)
+class PairOptions:
+    """How a board with Wi-Fi is paired.
+
+    Attributes:
+        port: Set the serial port of the board (default: the only one that is plugged in).
+        name: Set the board's name in udp://NAME (default: its present name, or one of its id).
+        key: Make a key, so that nobody on the network can forge readings and commands.
+        timeout: Set the time to wait for the access point in s.
+
+    Raises:
+        CaptureError: A value is not valid.
+    """
+
+    port: str | None = None
+    name: Annotated[str, Meta(pattern="^[A-Za-z0-9][A-Za-z0-9_-]{0,62}$")] | None = None
+    key: bool = True
+    timeout: Annotated[float, Meta(ge=1, le=600)] = 60.0
+
+    def __post_init__(self) -> None:
+        check_options(self, CaptureError)
+
+
+@dataclass(frozen=True)
+class MicroPythonOptions:
+    """What the program for MicroPython reads.
+
+    Attributes:
+        converter: Choose what measures the cords: ADS1115 modules, or the converters of the
+            microcontroller (internal).
+
+    Raises:
+        CaptureError: A value is not valid.
+    """
+
+    converter: Literal["ads1115", "internal"] = "ads1115"
+
+    def __post_init__(self) -> None:
+        check_options(self, CaptureError)
