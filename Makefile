@@ -3,6 +3,8 @@ PYTHON ?= python3
 WORKERS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
+# MicroPython's interpreter as a package for Node.js, in which tests run the program of boards with Wi-Fi.
+MICROPYTHON := @micropython/micropython-webassembly-pyscript@1.27.0
 
 # Nothing that was kept on this machine is seen: the cache of meshes is an empty folder. A file's tests stay
 # in one worker, which uses one core, because fixtures that are kept in memory are expensive. Without bytecode
@@ -20,6 +22,8 @@ demo: $(VENV)/.core
 # Linters, types and the guide run next to the tests: the type checker uses one core only.
 test: setup
 	PYTHON=$(PYTHON) sh setup-system.sh test
+	npm install --silent --no-audit --no-fund --no-save --prefix $(VENV)/node $(MICROPYTHON) || \
+		echo "Tests of the MicroPython program in its own interpreter will be skipped: npm failed" >&2
 	$(MAKE) --jobs=3 tests check guide
 
 tests: setup

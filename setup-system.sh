@@ -1,7 +1,7 @@
 #!/bin/sh
 # The CAD kernels and the picture renderer load libGL.so.1, and setup.py needs a C compiler and the headers
 # of Python; bare Debian and Ubuntu lack them.
-# "setup-system.sh test" also installs the AVR compiler and simulator for the tests of the firmware, a browser
+# "setup-system.sh test" also installs the AVR compiler and simulator and npm for the tests of the firmware, a browser
 # for those of the studio and Graphviz for those of the wiring, which are skipped without them.
 set -eu
 [ "$(uname -s)" = Linux ] || exit 0
@@ -20,6 +20,7 @@ if [ "${1:-}" = test ]; then
         /usr/bin/chromium:chromium /usr/bin/dot:graphviz; do
         [ -e "${pair%%:*}" ] || wanted="$wanted ${pair##*:}"
     done
+    command -v npm >/dev/null || wanted="$wanted nodejs npm"
 fi
 [ -n "$needed$wanted" ] || exit 0
 if command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then

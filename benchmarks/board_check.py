@@ -24,7 +24,8 @@ from defsense_fab.capture.board_check.assignment import choose_poses
 from defsense_fab.capture.board_check.diagnosis import diagnose, rest_deviation
 from defsense_fab.capture.board_check.mains import choose_sampling
 from defsense_fab.capture.board_check.records import BoardSetup, ExpectedCord, Finding, Phase
-from defsense_fab.core.device.device import CONVERTERS, Device
+from defsense_fab.core.device.boards import CONVERTERS
+from defsense_fab.core.device.device import Device
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.store.build import Build
 from defsense_fab.twin.live.wiring_twin import WiringTwin, WiringTwinOptions

@@ -114,7 +114,8 @@ class Receiver:
                 data = self.socket.recv(65536)
             except (BlockingIOError, ConnectionError):
                 return changed
-            with contextlib.suppress(ValueError, struct.error, RecursionError):  # not OSC
+            # Not OSC, or with texts for numbers: an error would end Blender's timer.
+            with contextlib.suppress(ValueError, TypeError, struct.error, RecursionError):
                 for address, values in read_messages(data):
                     changed |= self._take_in(address.split("/"), values)
 
@@ -126,13 +127,15 @@ class Receiver:
         channels = self.channels.setdefault(device, {})
         if kind == "marker" and len(parts) == 5 and len(values) >= 3:
             for axis, value in enumerate(values[:3]):
-                channels[f"{device} marker {parts[4]}", "location", axis] = value * UNITS_PER_MM
+                channels[f"{device} marker {parts[4]}", "location", axis] = (
+                    float(value) * UNITS_PER_MM
+                )
         elif kind == "control" and len(parts) == 5:
-            channels[device, f'["{parts[4]}"]', 0] = values[0]
+            channels[device, f'["{parts[4]}"]', 0] = float(values[0])
         elif kind == "time":
             if self.takes is not None:
                 new = Take(self.scene_frame, self.frames_per_second)
-                self.takes.setdefault(device, new).add(values[0], channels)
+                self.takes.setdefault(device, new).add(float(values[0]), channels)
             return {device}
         return set()
 

@@ -15,6 +15,7 @@ import contextlib
 import json
 import sys
 import time
+from pathlib import Path
 
 import mido
 from websockets.exceptions import WebSocketException
@@ -116,7 +117,7 @@ class Player:
 
 
 def record(path):
-    """Return a function that adds messages, and one that writes the file."""
+    """Return a function that adds messages, and one that writes the file if there are any."""
     file, start = mido.MidiFile(type=0), time.monotonic()
     track = mido.MidiTrack([mido.MetaMessage("track_name", name="DefSense MPE")])
     file.tracks.append(track)
@@ -128,7 +129,7 @@ def record(path):
         track.append(message.copy(time=now - ticks))
         ticks = now
 
-    return send, lambda: file.save(path)
+    return send, lambda: file.save(path) if len(track) > 1 else None
 
 
 def open_port(name):
@@ -153,11 +154,13 @@ def main():
     words = parser.parse_args()
     player, end = Player(words.bend, words.semitones), time.monotonic() + words.seconds
     if words.file:
+        if not Path(words.file).parent.is_dir():
+            sys.exit(f"{words.file}: there is no such folder. Create it, or choose another file")
         send, finish = record(words.file)
     else:
         try:
             port = open_port(words.port)
-        except OSError as error:
+        except (ImportError, OSError) as error:
             sys.exit(f"MIDI ports cannot be used ({error}); write a file with --file")
         send, finish = port.send, port.close
     try:

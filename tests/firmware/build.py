@@ -192,7 +192,8 @@ def build_board(folder: Path) -> Path:
     _prepare(folder)
     board = folder / "board"
     libraries = ["-lsimavr", "-lelf", "-lutil", "-lm"]
-    _run([*HOST_C, str(HERE / "board.c"), "-o", str(board), *libraries])
+    sources = [str(HERE / name) for name in ("board.c", "board_inputs.c")]
+    _run([*HOST_C, *sources, "-o", str(board), *libraries])
     return board
 
 

@@ -136,7 +136,7 @@ class _UdpLink(_Socket):
             return packets
         while len(packets) < _MAX_BATCH:
             try:
-                packet = self._socket.recv(MAX_PACKET_BYTES + 1)
+                packet = self._socket.recv(_READ_BYTES)  # Windows refuses to cut longer ones
             except BlockingIOError:
                 break
             except ConnectionError:

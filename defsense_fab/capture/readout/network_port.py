@@ -104,6 +104,7 @@ class ReorderBuffer:
         self._delay_ns = round(1e9 * delay)
         self._waiting: dict[int, tuple[bytes, int]] = {}
         self._next = 1  # sequence
+        self._released_ns = 0  # latest arrival time that was released
 
     def add(self, sequence: int, data: bytes, arrived_ns: int) -> bool:
         """Add a packet; return False, and drop it, if later ones were released already."""
@@ -119,16 +120,22 @@ class ReorderBuffer:
         return (self._oldest_ns() + self._delay_ns - time.monotonic_ns()) / 1e9
 
     def release(self) -> list[tuple[bytes, int]]:
-        """Return the packets that wait no longer, in order, with their arrival times, ns."""
-        released = []
+        """Return the packets that wait no longer, in order, with their arrival times, ns.
+
+        A packet that was waiting for an earlier one has the arrival time of that one, because
+        recordings whose times go back are those of several runs.
+        """
+        released: list[tuple[bytes, int]] = []
         now = time.monotonic_ns()
         while self._waiting:
             first = min(self._waiting)
             if first != self._next and now - self._oldest_ns() < self._delay_ns:
                 break
-            released.append(self._waiting.pop(first))
-            self._next = first + 1
-        return [(data, arrived_ns) for data, arrived_ns in released if data]
+            data, arrived_ns = self._waiting.pop(first)
+            self._next, self._released_ns = first + 1, max(arrived_ns, self._released_ns)
+            if data:
+                released.append((data, self._released_ns))
+        return released
 
     def _oldest_ns(self) -> int:
         return min(arrived_ns for _, arrived_ns in self._waiting.values())
@@ -258,7 +265,9 @@ class NetworkPort:
                 challenge = read_challenge(packet)
                 if challenge is None or challenge.host_nonce != nonce:
                     self._receive(packet, arrived_ns)
-                elif challenge != self._challenge and self._answer(packet, challenge):
+                elif self._is_confirmed or challenge == self._challenge:
+                    continue  # a replay must not end the session
+                elif self._answer(packet, challenge):
                     next_send, end = 0.0, min(end, time.monotonic() + CONFIRMATION_TIMEOUT_S)
             if self._is_confirmed:
                 self._count_malformed()

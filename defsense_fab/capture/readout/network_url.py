@@ -115,6 +115,8 @@ def _host_and_port(url: str, netloc: str) -> tuple[str, int | None]:
         _refuse(url, f"the port number in {netloc!r} must be from 1 to 65535")
     if not parts.hostname or "@" in netloc:
         _refuse(url, "names no host" if "@" not in netloc else "must not have a user name")
+    if netloc.startswith("[") and netloc.partition("]")[2][:1] not in ("", ":"):
+        _refuse(url, f"has text behind the brackets in {netloc!r}")
     if port == 0:
         _refuse(url, f"the port number in {netloc!r} must be from 1 to 65535")
     return _hostname(netloc), port

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -46,7 +46,7 @@ class PairedBoard:
 
     board_id: str
     name: str
-    key: bytes
+    key: bytes = field(repr=False)
     address: str
 
 
@@ -60,8 +60,13 @@ class _Entry(Table, frozen=True):
             text = f"{self.name!r} is not a valid name"
             yield Problem(("name",), text, "board-name-invalid", _NAME_RULE)
         if not _KEY.fullmatch(self.key) or bytes.fromhex(self.key) == OPEN_KEY:
-            action = "Pair the board again (defsense board pair)"
-            yield Problem(("key",), "is not a valid pairing key", "pairing-key-invalid", action)
+            yield _key_problem("key")
+
+
+def _key_problem(*path: str) -> Problem:
+    """Return the problem of a key, whose value must not appear in messages."""
+    action = "Pair the board again (defsense board pair)"
+    return Problem(path, "is not a valid pairing key", "pairing-key-invalid", action)
 
 
 def paired_boards_file() -> Path:
@@ -138,7 +143,10 @@ def _read_entry(document: Document, board_id: str) -> PairedBoard:
         text = f"{board_id!r} is not the id of a board"
         action = "Delete the table, or write the 12 hexadecimal digits that the board reports"
         document.refuse([Problem((board_id,), text, "board-id-invalid", action)])
-    entry, problems = document.try_reading(_Entry, document.values[board_id], (board_id,))
+    values = document.values[board_id]
+    if isinstance(values, dict) and not isinstance(values.get("key", ""), str):
+        document.refuse([_key_problem(board_id, "key")])
+    entry, problems = document.try_reading(_Entry, values, (board_id,))
     if entry is None:
         document.refuse(problems)
     return PairedBoard(board_id, entry.name, bytes.fromhex(entry.key), entry.address)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import sys
 from dataclasses import dataclass
+from urllib.parse import urlsplit
 
 import serial
 from serial.tools import list_ports
@@ -87,6 +88,7 @@ def open_port(url: str) -> Transport:
     """
     if is_network_url(url):
         return NetworkPort(parse_network_url(url))
+    _check_socket(url)
     try:
         port = serial.serial_for_url(url, do_not_open=True)
         port.baudrate, port.timeout, port.write_timeout = BAUD, READ_TIMEOUT_S, WRITE_TIMEOUT_S
@@ -96,6 +98,25 @@ def open_port(url: str) -> Transport:
     except Exception as error:  # SerialException, OSError, ValueError, termios.error
         raise _port_error(url, error) from None
     return port  # type: ignore[no-any-return]
+
+
+def _check_socket(url: str) -> None:
+    """Refuse a socket without a host or a valid port number."""
+    if not url.startswith("socket://"):
+        return
+    try:
+        parts = urlsplit(url)
+        is_valid = bool(parts.hostname and parts.port)
+    except ValueError:
+        is_valid = False
+    if not is_valid:
+        raise CaptureError(
+            "is not the address of a socket",
+            code="port-url-invalid",
+            where=url,
+            action="Write socket://host:port, with a port number from 1 to 65535",
+            port=url,
+        )
 
 
 def _port_error(url: str, error: Exception) -> CaptureError:

@@ -24,6 +24,8 @@ SILENCE_S, SILENCE_SAMPLES = 1.5, 20
 COUNTER_RANGE = 1 << 32
 MAX_WAITING_ITEMS = 100_000  # a quarter of an hour at 100 Hz
 THREAD_JOIN_TIMEOUT_S = 5.0
+#: Errors of a board that answers but is not the one that was read before.
+WRONG_BOARD_CODES = ("board-differs", "pairing-key-differs", "board-not-paired")
 
 
 class Reader:
@@ -68,6 +70,7 @@ class Reader:
         self._samples = self._gaps = 0
         self._was_reopened, self._last_sample_ns = False, 0
         self._is_in_gap = False  # from a gap until the next sample
+        self._gap_reason = ""  # why the board that answers in a gap is not read
         self._failure: Exception | None = None
         self._has_restarted = False  # since the last sample, by the board's boot id
         self._network = NetworkCounts()  # of connections that were closed
@@ -229,13 +232,12 @@ class Reader:
             except (OSError, TypeError) as error:  # pyserial: TypeError if closed while reading
                 self._start_gap(str(error))
                 continue
+            for data, arrived_ns in chunks:
+                self._decode(data, arrived_ns)
             limit_ns = self._silence_limit_ns()
             if time.monotonic_ns() - self._last_sample_ns > limit_ns:
                 question = "was it reset?" if self.board is None else "is it on and in reach?"
                 self._start_gap(f"silent: no sample for {limit_ns / 1e9:g} s; {question}")
-                continue
-            for data, arrived_ns in chunks:
-                self._decode(data, arrived_ns)
 
     def _decode(self, data: bytes, now: int) -> None:
         """Pass on the messages that these bytes, which arrived at `now`, ns, complete."""
@@ -278,17 +280,25 @@ class Reader:
             except BaseException:
                 port.close()
                 raise
-        except (CaptureError, OSError):
+        except (CaptureError, OSError) as error:
+            if getattr(error, "code", "") in WRONG_BOARD_CODES:
+                self._report_wrong_board(str(error))
             self._stop.wait(REOPEN_INTERVAL_S)
             return
         self._port = port
         for sample, now in early_samples:  # outside of `try`: a sink's error is not the port's
             self._receive(sample, now)
 
+    def _report_wrong_board(self, reason: str) -> None:
+        """State once why the board that answers is not read."""
+        if reason != self._gap_reason:
+            self._gap_reason = reason
+            self._put(Event(time.monotonic_ns(), "gap", {"why": reason}))
+
     def _receive(self, sample: Sample, now: int) -> None:
         """Stamp a sample that arrived at `now`, ns, and pass it on."""
         if self._is_in_gap and self.info is not None:
-            self._is_in_gap = False
+            self._is_in_gap, self._gap_reason = False, ""
             self._put(Event(now, "resumed", self._start_data(self.info)))
         stamped = StampedSample(now, self._device_time(sample, now), sample)
         self._latest = stamped

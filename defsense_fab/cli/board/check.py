@@ -14,7 +14,7 @@ from ..app import command
 from ..device import DeviceFolder
 from ..exit_codes import DONE, NO, STOPPED
 from ..output import OutputOptions, print_json, print_lines, standard_output
-from .ports import Port
+from .ports import Port, warn_of_port
 
 if TYPE_CHECKING:
     from ...workflow.board.check import BoardCheck
@@ -58,6 +58,7 @@ def _check(
     def print_address(url: str) -> None:
         sys.stderr.write(f"View:    {url}\n")
 
+    warn_of_port(port)
     result = check_board(
         device,
         port,

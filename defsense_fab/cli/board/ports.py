@@ -120,10 +120,9 @@ def _watch(port: str, board: BoardOptions, seconds: float | None, output: Output
     from rich.console import Console
     from rich.live import Live
 
-    from ...workflow.board.readout import port_warning, watch_board
+    from ...workflow.board.readout import watch_board
 
-    if warning := port_warning(port):
-        print_error_line(f"warning: {warning}")
+    warn_of_port(port)
     screen = Console(stderr=output.json)
     with Live(console=screen, auto_refresh=False, transient=output.json) as live:
         for reading in watch_board(port, board, seconds):
@@ -135,6 +134,14 @@ def _watch(port: str, board: BoardOptions, seconds: float | None, output: Output
         network = [] if s.network is None else [s.network.summary]
         counts = f"{s.samples} samples, {s.lost} lost, {s.bad} damaged frames"
         print_lines(["", counts, *network])
+
+
+def warn_of_port(port: str) -> None:
+    """Print what reading a port risks, on standard error."""
+    from ...workflow.board.readout import port_warning
+
+    if warning := port_warning(port):
+        print_error_line(f"warning: {warning}")
 
 
 def _bars(ohm: Float) -> Any:
@@ -167,6 +174,7 @@ def _reference(
     """
     from ...workflow.board.readout import measure_reference_resistors
 
+    warn_of_port(port)
     resistors = measure_reference_resistors(port, options)
     with standard_output():
         if output.json:

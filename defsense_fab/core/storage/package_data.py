@@ -1,8 +1,8 @@
 """Find data that comes with the package: tables in `data/`, and folders kept in the repository.
 
 People look for devices, examples and the Arduino firmware at the repository's root, so they stay
-there and `setup.py` copies them into wheels. It runs this file alone, which therefore imports no other module
-of the package.
+there and `setup.py` copies them into wheels. It runs this file alone, which therefore imports no
+other module of the package.
 """
 
 from __future__ import annotations

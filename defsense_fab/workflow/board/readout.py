@@ -86,17 +86,18 @@ def watch_board(
     Args:
         port: Port of the board, the .csv file of a recording, or `twin`.
         board: How the board measures.
-        seconds: Time after which it ends, s; None for the end of the source.
+        seconds: Time after which it ends, s, after the answer of the board, or after the
+            first sample if that is later; None for the end of the source.
 
     Raises:
         CaptureError: The port cannot be read, or no sample arrives (`no-samples`).
     """
-    end = time.monotonic() + (np.inf if seconds is None else seconds)
     settings = ReadoutSettings(rate=board.rate, average=board.average)
     is_empty = True
     with _start(port, settings) as (source, info):
         dividers = _dividers(board, info)
-        while time.monotonic() < end:
+        end = time.monotonic() + (np.inf if seconds is None else seconds)
+        while time.monotonic() < (end + _MAX_AGE_S if is_empty else end):
             time.sleep(_POLL_INTERVAL_S)
             try:
                 samples = _drain_samples(source)

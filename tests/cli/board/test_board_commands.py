@@ -58,6 +58,16 @@ def test_board_with_wifi_is_shown_with_its_network(run, tmp_path, monkeypatch):
     assert "network" not in run("ports", "--port", "twin", "--seconds", "0.5", "--json")
 
 
+def test_duration_starts_when_the_board_answers(run, tmp_path, monkeypatch):
+    """Boards that restart when they are opened answer after seconds."""
+    monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path))
+    store_board(BOARD_ID, "elbow", KEY, "")
+    with FakeBoard() as board:
+        board.reboot(seconds=1.0)
+        data = run("ports", "--port", board.url, "--seconds", "0.1", "--json")
+    assert data["samples"] > 0
+
+
 @pytest.mark.parametrize(("query", "warnings"), [("?key=none", 1), ("", 0)])
 def test_port_without_a_key_is_read_with_a_warning(capsys, tmp_path, monkeypatch, query, warnings):
     monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path))
@@ -66,6 +76,13 @@ def test_port_without_a_key_is_read_with_a_warning(capsys, tmp_path, monkeypatch
         run_command(["board", "ports", "--port", board.url + query, "--seconds", "1"])
     lines = capsys.readouterr().err.splitlines()
     assert sum(line.startswith("warning: ") for line in lines) == warnings
+
+
+@pytest.mark.parametrize("words", [["reference", "--known", "2200"], ["check", str(BAR)]])
+def test_all_commands_warn_of_ports_without_a_key(capsys, words):
+    with pytest.raises(DefsenseError):  # not a port, or the device is not built
+        run_command(["board", *words, "--port", "udp://127.0.0.1:0?key=none"])
+    assert capsys.readouterr().err.startswith("warning: ")
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan"])
@@ -136,6 +153,12 @@ def test_too_many_cords_for_a_board_are_a_note_of_the_build():
     assert wiring is None
     assert len(notes) == 1
     assert plan_if_possible(replace(device, converter="ads1115"), manifest)[1] == ()
+
+
+@pytest.mark.parametrize("url", ["udp://127.0.0.1", "tcp://elbow"])
+def test_firmware_is_not_written_over_a_network(url):
+    with raises(CaptureError, "port-not-serial"):
+        run_command(["board", "flash", "--port", url, "--yes", "--force"])
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ PROGRAM = ROOT / "defsense_fab/data/firmware/micropython"
 SCENARIOS = HERE / "on_board"
 PACKAGE = "@micropython/micropython-webassembly-pyscript"
 #: Where `make test` installs the package.
+TIMEOUT_S = 300  # of a scenario, on a busy machine
 INTERPRETER = ROOT / ".venv/node/node_modules" / PACKAGE / "micropython.mjs"
 
 
@@ -32,7 +33,7 @@ def run_in_micropython(folder):
         script,
         folder / "input.json",
     ]
-    return subprocess.run(command, capture_output=True, text=True)
+    return subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S)
 
 
 def run_in_cpython(folder):
@@ -41,7 +42,8 @@ def run_in_cpython(folder):
         f"import scenarios; scenarios.main({str(folder)!r})\n"
         f"print(open({str(folder / 'output.json')!r}).read())"
     )
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S)
 
 
 @pytest.fixture(params=["micropython", "cpython"])

@@ -6,7 +6,6 @@ It prints one line of JSON: the serial port and the UDP and TCP ports. A network
 not found, `slow` is never joined, and the password `wrong-password` is wrong.
 """
 
-import errno
 import json
 import os
 import select
@@ -61,8 +60,7 @@ class Terminal:
     def readinto(self, buffer):
         try:
             data = os.read(self._master, len(buffer))
-        except OSError as error:
-            assert error.errno == errno.EAGAIN
+        except BlockingIOError:
             return 0
         buffer[: len(data)] = data
         return len(data)

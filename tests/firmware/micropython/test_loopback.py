@@ -83,7 +83,8 @@ def test_board_with_open_key_is_read_on_request(start_board):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["udp", "tcp"])
-def test_reading_resumes_after_the_board_restarts(start_board, paired, scheme):
+def test_reading_resumes_after_the_board_restarts(start_board, paired, scheme, monkeypatch):
+    monkeypatch.setattr("defsense_fab.capture.readout.reader.SILENCE_S", 3.0)
     first = start_board(STORED)
     port = getattr(first, scheme)
     with read(f"{scheme}://127.0.0.1:{port}") as reader:

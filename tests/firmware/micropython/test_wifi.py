@@ -215,8 +215,8 @@ def test_replayed_reflected_and_forged_packets_do_nothing(run_scenario):
     forged = stranger.write("plain\n")
     given = [
         (2e5, host.hello), (3e5, plain), (4e5, frames), (5e5, plain), (6e5, plain),
-        (7e5, reflected), (8e5, forged), (9e5, host.hello), (10e5, plain), (11e5, encode_hello(b"attacker")),
-        (12e5, b""), (13e5, b"\xd5\x01"), (14e5, bytes(513)),
+        (7e5, reflected), (8e5, forged), (9e5, host.hello), (10e5, plain),
+        (11e5, encode_hello(b"attacker")), (12e5, b""), (13e5, b"\xd5\x01"), (14e5, bytes(513)),
     ]  # fmt: skip
     _, sent = exchange(run_scenario, given, nonces=(101, 102))
     packets = host.read(sent)

@@ -3,6 +3,7 @@
 import json
 import os
 import runpy
+import socket
 import subprocess
 import sys
 import threading
@@ -134,11 +135,37 @@ def test_blender_addon_records_keyframes():
         )
 
 
-def test_blender_addon_collects_keyframes_at_the_times_of_the_device(monkeypatch):
-    """Without Blender: the part of the add-on that reads the port."""
+@pytest.fixture
+def receiver(monkeypatch):
+    """The part of the add-on that reads the port, without Blender."""
     types = SimpleNamespace(Operator=object, Panel=object)
     monkeypatch.setitem(sys.modules, "bpy", SimpleNamespace(types=types))
     receiver = runpy.run_path(str(EXAMPLES / "blender_addon.py"))["Receiver"](0)
+    yield receiver
+    receiver.socket.close()
+
+
+def test_blender_addon_ignores_texts_for_numbers(receiver):
+    def text(value):
+        return value + bytes(4 - len(value) % 4)
+
+    receiver.record(1, 24.0)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for address in (
+            b"/defsense/bar/marker/0",
+            b"/defsense/bar/control/x",
+            b"/defsense/bar/time",
+        ):
+            data = text(address) + text(b",sss") + 3 * text(b"one")
+            sender.sendto(data, receiver.socket.getsockname())
+    output = OscOutput(OscSettings(port=receiver.socket.getsockname()[1], send=("controls",)))
+    output.send(frame(1))
+    output.close()
+    assert wait_for(lambda: "bar" in receiver.read())
+    assert all(isinstance(value, float) for value in receiver.channels["bar"].values())
+
+
+def test_blender_addon_collects_keyframes_at_the_times_of_the_device(receiver):
     port = receiver.socket.getsockname()[1]
     output = OscOutput(OscSettings(port=port, send=("controls", "markers")))
     receiver.record(11, 24.0)
@@ -153,7 +180,6 @@ def test_blender_addon_collects_keyframes_at_the_times_of_the_device(monkeypatch
         return any(at == pytest.approx(last) for at, _ in keys.get(("bar", '["twist"]', 0), ()))
 
     assert wait_for(has_last)
-    receiver.socket.close()
     keys = receiver.stop_recording()["bar"].keys
     frames = [11, 11 + 0.24, last]
     assert [at for at, _ in keys["bar", '["twist"]', 0]] == pytest.approx(frames)
@@ -198,6 +224,20 @@ def test_mpe_player(tmp_path):
     pitches = {m.pitch for m in messages if m.type == "pitchwheel"}
     assert pitches == {round(8191 / 48)}  # half of two semitones
     assert max(m.value for m in messages if m.type == "aftertouch") > 120
+
+
+def test_mpe_player_without_a_device_keeps_an_earlier_file(tmp_path):
+    path = tmp_path / "take.mid"
+    path.write_bytes(b"an earlier take")
+    with socket.socket() as silent:  # bound, but nothing listens
+        silent.bind(("127.0.0.1", 0))
+        url = f"ws://127.0.0.1:{silent.getsockname()[1]}/"
+        for file in (path, tmp_path / "missing" / "take.mid"):
+            words = [EXAMPLES / "mpe_player.py", "--url", url, "--file", file]
+            player = subprocess.run([sys.executable, *words], capture_output=True, text=True)
+            assert player.returncode == 1
+            assert "Traceback" not in player.stderr
+    assert path.read_bytes() == b"an earlier take"
 
 
 def test_websocket_client(run):

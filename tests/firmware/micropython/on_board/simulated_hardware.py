@@ -59,7 +59,7 @@ class SimulatedAds1115:
         if len(data) == 3:
             assert data[0] == 1
             config = data[1] << 8 | data[2]
-            assert config & 0x8FFF == 0x83E3 and config & 0x4000, hex(config)
+            assert config & 0xCFFF == 0xC3E3, hex(config)
             source = config >> 12 & 3
             self._code = self._values(source, self._count)
             self.conversions.append([self._time.now, source, self._code])
