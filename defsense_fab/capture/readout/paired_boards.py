@@ -102,6 +102,31 @@ def find_board(text: str) -> PairedBoard | None:
     return next(by_id, next((board for board in known if board.name == text), None))
 
 
+def check_name(board_id: str, name: str) -> None:
+    """Check whether a board can have a name.
+
+    Raises:
+        CaptureError: The name is not valid (`board-name-invalid`), or another board has it
+            (`board-name-taken`).
+    """
+    if not _NAME.fullmatch(name):
+        raise CaptureError(
+            f"{name!r} is not a valid name",
+            code="board-name-invalid",
+            where="name",
+            action=_NAME_RULE,
+        )
+    owner = next((board for board in read_boards() if board.name == name), None)
+    if owner is not None and owner.board_id != board_id:
+        raise CaptureError(
+            f"the board {owner.board_id} has this name",
+            code="board-name-taken",
+            where=name,
+            action="Choose another name",
+            board=owner.board_id,
+        )
+
+
 def store_board(board_id: str, name: str, key: bytes, address: str) -> None:
     """Store a paired board, in place of an entry with the same id.
 
@@ -125,15 +150,7 @@ def store_board(board_id: str, name: str, key: bytes, address: str) -> None:
         path.with_suffix(".lock"), "is being changed by another program", action="Try again"
     ):
         boards = {b.board_id: b for b in read_boards()}
-        owner = next((b for b in boards.values() if b.name == name), board)
-        if owner.board_id != board_id:
-            raise CaptureError(
-                f"the board {owner.board_id} has this name",
-                code="board-name-taken",
-                where=name,
-                action="Choose another name",
-                board=owner.board_id,
-            )
+        check_name(board_id, name)
         _write({**boards, board_id: board})
 
 

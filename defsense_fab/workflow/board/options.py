@@ -119,7 +119,7 @@ class PairOptions:
     """
 
     port: str | None = None
-    name: Annotated[str, Meta(pattern="^[A-Za-z0-9][A-Za-z0-9_-]{0,62}$")] | None = None
+    name: str | None = None
     key: bool = True
     timeout: Annotated[float, Meta(ge=1, le=600)] = 60.0
 

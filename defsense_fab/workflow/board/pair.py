@@ -5,11 +5,12 @@ from __future__ import annotations
 import secrets
 from contextlib import closing
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
 from ...capture.boards.wifi_setup import WifiSetup
 from ...capture.readout.network_url import is_network_url
-from ...capture.readout.paired_boards import find_board, store_board
+from ...capture.readout.paired_boards import check_name, find_board, store_board
 from ...capture.readout.ports import find_only_port, open_port
 from ...core.errors import CaptureError
 from ...core.progress import Progress, silent
@@ -17,7 +18,7 @@ from ...core.storage.files import storage_errors, write_text
 from ...sensing.packets import OPEN_KEY, PAIRING_KEY_BYTES
 from .options import MicroPythonOptions, PairOptions
 
-PROGRAM = Path(__file__).resolve().parents[2] / "data/firmware/micropython"
+PROGRAM = Path(str(files("defsense_fab"))) / "data/firmware/micropython"
 _CONFIG = "config.py"
 _DEFAULT_CONVERTER = 'CONVERTER = "ads1115"'
 _DEFAULT_OPTIONS, _DEFAULT_PROGRAM = PairOptions(), MicroPythonOptions()
@@ -59,7 +60,7 @@ def pair_board(
 
     Raises:
         CaptureError: No board with Wi-Fi answers on the port, the board does not join the network
-            (see `WifiSetup`), or another board has the name (`board-name-taken`).
+            (see `WifiSetup`), or the name is not valid or not free (see `check_name`).
         StorageError: The key cannot be stored.
     """
     url = options.port or find_only_port()
@@ -105,7 +106,7 @@ def write_program(folder: Path, options: MicroPythonOptions = _DEFAULT_PROGRAM) 
     Raises:
         StorageError: The folder cannot be written.
     """
-    files = []
+    written = []
     with storage_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     for source in sorted(PROGRAM.glob("*.py")):
@@ -113,27 +114,19 @@ def write_program(folder: Path, options: MicroPythonOptions = _DEFAULT_PROGRAM) 
         if source.name == _CONFIG:
             assert _DEFAULT_CONVERTER in text
             text = text.replace(_DEFAULT_CONVERTER, f'CONVERTER = "{options.converter}"')
-        files.append(folder / source.name)
-        write_text(files[-1], text)
-    return files
+        written.append(folder / source.name)
+        write_text(written[-1], text)
+    return written
 
 
 def _choose_name(board_id: str, options: PairOptions) -> str:
     """Return the name of a board, before anything is changed on it.
 
     Raises:
-        CaptureError: Another board has the name (`board-name-taken`).
+        CaptureError: The name is not valid, or another board has it (see `check_name`).
     """
     known = find_board(board_id)
     default = known.name if known is not None else f"board-{board_id[-4:]}"
     name = options.name or default
-    owner = find_board(name)
-    if owner is not None and owner.board_id != board_id:
-        raise CaptureError(
-            f"the board {owner.board_id} has this name",
-            code="board-name-taken",
-            where=name,
-            action="Choose another name",
-            board=owner.board_id,
-        )
+    check_name(board_id, name)
     return name

@@ -52,26 +52,28 @@ def test_pairing_again_makes_another_key_and_keeps_the_name(start_board):
 
 
 @pytest.mark.parametrize(
-    ("network", "password", "code"),
+    ("network", "password", "timeout", "code"),
     [
-        ("lab", "wrong-password", "wifi-password-wrong"),
-        ("missing", "", "wifi-network-not-found"),
-        ("slow", "", "wifi-join-timeout"),
+        ("lab", "wrong-password", 30, "wifi-password-wrong"),
+        ("missing", "", 30, "wifi-network-not-found"),
+        ("slow", "", 1, "wifi-join-timeout"),
     ],
 )
-def test_board_that_does_not_join_is_not_paired(start_board, network, password, code):
+def test_board_that_does_not_join_is_not_paired(start_board, network, password, timeout, code):
     board = start_board({})
     with raises(CaptureError, code):
-        pair_board(network, password, PairOptions(port=board.serial, timeout=1))
+        pair_board(network, password, PairOptions(port=board.serial, timeout=timeout))
     assert find_board(BOARD_ID) is None
 
 
-def test_name_of_another_board_is_refused_before_anything_is_stored(start_board, settings):
+def test_bad_names_are_refused_before_anything_is_stored(start_board, settings):
     board = start_board({})
     store_board("111111111111", "elbow", bytes(range(16)), "")
     with raises(CaptureError, "board-name-taken", board="111111111111"):
         pair_board(NETWORK, PASSWORD, PairOptions(port=board.serial, name="elbow"))
-    assert "password" not in settings.read_text()
+    with raises(CaptureError, "board-name-invalid"):
+        pair_board(NETWORK, PASSWORD, PairOptions(port=board.serial, name="my elbow"))
+    assert json.loads(settings.read_text()) == {}
 
 
 def test_network_is_no_port_for_pairing():

@@ -135,7 +135,7 @@ class SerialLink:
         """Send the frame of an answer."""
         self._queue.push(frame, length)
 
-    def send_sample(self, frame, length, period):  # noqa: ARG002 - as links over Wi-Fi
+    def send_sample(self, frame, length, period):  # noqa: ARG002  # noqa: ARG002 - as links over Wi-Fi
         """Send the frame of a sample, or leave it out if the port is too slow.
 
         Args:

@@ -6,6 +6,7 @@ from binascii import hexlify, unhexlify
 import packets as p
 from ads1115 import Ads1115
 from board import Board, Clock
+from drivers import Console, WlanRadio
 from frames import FrameBuilder, compute_crc, decode_cobs, encode_cobs
 from internal_adc import calibrated, ratiometric
 from links import SerialLink
@@ -197,6 +198,112 @@ class GivenInput:
 def make_internal(channels, kind):
     inputs = [GivenInput(number) for number in range(channels)]
     return ratiometric(inputs) if kind == "pico" else calibrated(inputs)
+
+
+class GivenStream:
+    """Both ends of a console; `select.poll` of MicroPython asks it whether it is ready."""
+
+    POLLIN, POLLOUT = 1, 4
+
+    def __init__(self, data):
+        self.received, self.written, self.is_open = list(data), bytearray(), True
+
+    def readinto(self, buffer):
+        assert len(buffer) <= len(self.received), "reading would wait"
+        for i in range(len(buffer)):
+            buffer[i] = self.received.pop(0)
+        return len(buffer)
+
+    def write(self, data):
+        assert self.is_open, "writing would wait"
+        self.written += data
+        return len(data)
+
+    def poll(self):
+        return GivenPoller()
+
+
+class GivenPoller:
+    def register(self, stream, event):
+        self._stream, self._event = stream, event
+
+    def ipoll(self, timeout):
+        assert timeout == 0
+        stream = self._stream
+        is_ready = stream.received if self._event == stream.POLLIN else stream.is_open
+        return iter([(stream, self._event)] if is_ready else [])
+
+
+def use_console(text):
+    """Return what is read of a text, and how many bytes are written at once and in a second."""
+    time = SimulatedTime(step=0)
+    stream = GivenStream(text.encode())
+    console = Console(stream, stream, stream, Clock(time))
+    buffer, chunks = bytearray(8), []
+    count = console.readinto(buffer)
+    while count:
+        chunks.append(bytes(buffer[:count]).decode())
+        count = console.readinto(buffer)
+    view = memoryview(bytes(2000))
+    at_once = console.write(view)
+    none_left = console.write(view)
+    total = 0
+    for _ in range(1000):
+        time.advance(1000)
+        total += console.write(view)
+    stream.is_open = False
+    time.advance(100000)
+    return [chunks, at_once, none_left, total, len(stream.written), console.write(view)]
+
+
+class GivenWlan:
+    """`network.WLAN` with a given status; Pico W boards refuse the setting `reconnects`."""
+
+    PM_NONE = 7
+
+    def __init__(self, family):
+        self._family, self.calls, self.code = family, [], 1000 if family == "esp32" else 0
+
+    def active(self, is_active):
+        self.calls.append(["active", is_active])
+
+    def config(self, **setting):
+        ((name, value),) = setting.items()
+        if name == "reconnects" and self._family != "esp32":
+            raise ValueError("unknown config param")
+        self.calls.append([name, value])
+
+    def status(self):
+        return self.code
+
+    def connect(self, name, password):
+        if self.code == "fails":
+            raise OSError("internal error")
+        self.calls.append(["connect", name, password])
+
+    def disconnect(self):
+        self.calls.append(["disconnect"])
+
+    def ifconfig(self):
+        return ("192.168.1.20", "255.255.255.0", "192.168.1.1", "192.168.1.1")
+
+
+def use_radio(case):
+    """Return the states of status codes, and the calls of two attempts to connect."""
+    family, codes = case
+    wlan = GivenWlan(family)
+    radio = WlanRadio(wlan)
+    radio.connect("lab", "secret")
+    states = []
+    for code in codes:
+        wlan.code = code
+        states.append(radio.read_state())
+    wlan.code = codes[0]
+    radio.connect("lab", None)
+    calls = wlan.calls
+    wlan.code = "fails"
+    radio.connect("lab", None)
+    return [states, calls, radio.read_address(), radio.read_state()]
 
 
 def main(folder):
