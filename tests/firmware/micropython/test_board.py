@@ -61,6 +61,7 @@ def test_chips_convert_at_the_same_time(run_scenario):
     assert np.ptp(starts, axis=0).max() < 1000  # one conversion takes 1163 us
 
 
+@pytest.mark.slow
 def test_microseconds_continue_where_the_counter_wraps(run_scenario):
     """The simulated counter wraps after 16.8 s."""
     done = run(run_scenario, commands=[[0, "rate 2\nframes\n"]], seconds=18)

@@ -2,6 +2,13 @@
 
 import pytest
 
+from tests.firmware.micropython.conftest import PROGRAM
+
+
+def test_all_modules_compile(run_scenario):
+    sources = [path.read_text("utf-8") for path in PROGRAM.glob("*.py")]
+    assert run_scenario("compile_modules", sources) == len(sources) > 10
+
 
 def test_console_neither_waits_nor_exceeds_the_baud_rate(run_scenario):
     chunks, at_once, none_left, in_a_second, written, while_closed = run_scenario(

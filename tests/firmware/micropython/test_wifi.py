@@ -96,6 +96,7 @@ def test_longest_name_and_password_fit(run_scenario):
     assert (done["stored"]["name"], done["stored"]["password"]) == (name, password)
 
 
+@pytest.mark.slow
 def test_failures_are_reported_and_tried_again(run_scenario):
     """A wrong password, a missing access point, and one that drops and returns."""
     radio = [

@@ -157,12 +157,16 @@ class Board:
             )
             link.send_answer(self._frames.frame, length)
             return
-        link.send_plain(
-            f"# defsense {VERSION_MAJOR}.{VERSION_MINOR} {converter.name}, protocol {PROTOCOL}, "
-            f"{settings.channels} of {self.max_channels} channels, average {settings.averages}, "
-            f"{settings.rate} Hz, led {settings.led_period} ms, "
-            f"full scale {converter.full_scale}"
+        parts = (  # before 1.24 MicroPython does not join f-strings in a row
+            f"# defsense {VERSION_MAJOR}.{VERSION_MINOR} {converter.name}",
+            f"protocol {PROTOCOL}",
+            f"{settings.channels} of {self.max_channels} channels",
+            f"average {settings.averages}",
+            f"{settings.rate} Hz",
+            f"led {settings.led_period} ms",
+            f"full scale {converter.full_scale}",
         )
+        link.send_plain(", ".join(parts))
 
     def send_text(self, link, text):
         """Answer in words."""

@@ -200,6 +200,13 @@ def make_internal(channels, kind):
     return ratiometric(inputs) if kind == "pico" else calibrated(inputs)
 
 
+def compile_modules(sources):
+    """Compile modules, of which some need the hardware; return their number."""
+    for source in sources:
+        compile(source, "module", "exec")
+    return len(sources)
+
+
 class GivenStream:
     """Both ends of a console; `select.poll` of MicroPython asks it whether it is ready."""
 
