@@ -51,6 +51,8 @@ def _micropython(
     from ...workflow.board.pair import write_program
 
     files = write_program(folder, options)
+    # Shells of Windows pass patterns on as they are.
+    sources = " ".join(map(str, files)) if os.name == "nt" else f"{folder}/*.py"
     with standard_output():
         if output.json:
             print_json({"files": [str(file) for file in files]})
@@ -58,7 +60,7 @@ def _micropython(
         print_lines(
             [
                 f"Wrote:   {len(files)} files in {folder}",
-                f"Next:    mpremote connect {_PORT} cp -r {folder}/. : + reset",
+                f"Next:    mpremote connect {_PORT} cp {sources} : + reset",
                 f"         defsense board pair --port {_PORT}",
             ]
         )
