@@ -19,7 +19,7 @@ from .mains import Hum, fit_hum
 from .records import BoardSetup, Code, ExpectedCord, Finding, Phase
 
 #: Shares of the supply's voltage below and above which a circuit is shorted or open. A converter
-#: with a reference of its own (ADS1115) also sees the tolerance of the supply, 1.5 % for a usual
+#: with an internal reference (ADS1115) also sees the tolerance of the supply, 1.5 % for a usual
 #: 3.3 V regulator (LP2985), and its own gain error of 0.15 %.
 _SHORT_SHARE, _OPEN_SHARE = 0.002, (0.998, 0.982)
 _SUPPLY_RTOL = 0.018

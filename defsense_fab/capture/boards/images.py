@@ -60,7 +60,7 @@ def find_image(board: str, converter: str) -> FirmwareImage:
         converter: "arduino" for the microcontroller's own, or "ads1115".
 
     Raises:
-        CaptureError: There is none (`image-missing`).
+        CaptureError: The board has no image for the converter (`image-missing`).
     """
     image = IMAGES.get((board, converter))
     if image is None:
