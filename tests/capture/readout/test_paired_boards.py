@@ -82,3 +82,11 @@ def test_invalid_entries_are_not_stored(board_id, name, key, code):
 def test_invalid_urls(url):
     with raises(CaptureError, "port-url-invalid"):
         open_port(url)
+
+
+@pytest.mark.parametrize(
+    "url", ["socket://", "socket://host", "socket://host:99999", "socket://:5"]
+)
+def test_address_of_a_socket_is_checked(url):
+    with raises(CaptureError, "port-url-invalid", port=url):
+        open_port(url)

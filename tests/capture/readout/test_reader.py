@@ -161,14 +161,6 @@ def test_over_a_socket():
     assert len([i for i in items if isinstance(i, StampedSample)]) > 15
 
 
-@pytest.mark.parametrize(
-    "url", ["socket://", "socket://host", "socket://host:99999", "socket://:5"]
-)
-def test_address_of_a_socket_is_checked(url):
-    with raises(CaptureError, "port-url-invalid", port=url):
-        open_port(url)
-
-
 def test_ports_that_are_absent_busy_or_unusable(plug, tmp_path):
     with raises(CaptureError, "port-not-found", port="/dev/ttyUSB77"):
         open_port("/dev/ttyUSB77")
