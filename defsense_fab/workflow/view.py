@@ -18,6 +18,13 @@ from ..runtime.view.live_scene import place_camera as place_camera
 from ..runtime.view.live_scene import tube_faces as tube_faces
 from ..runtime.view.live_scene import tube_vertices as tube_vertices
 from ..runtime.view.live_view import PagePlace as PagePlace
+from ..runtime.view.messages import Arrays as Arrays
+from ..runtime.view.messages import Event as Event
+from ..runtime.view.messages import Problem as Problem
+from ..runtime.view.messages import Record as Record
+from ..runtime.view.messages import Reply as Reply
+from ..runtime.view.messages import Request as Request
+from ..runtime.view.messages import Result as Result
 from ..runtime.view.page_server import HOST, close_page, serve_page
 
 _EDGE_TOLERANCE = 1e-9  # of barycentric coordinates, so that rays hit shared edges

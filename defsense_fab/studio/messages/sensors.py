@@ -1,0 +1,302 @@
+"""Messages of the step Sensors: edits of cords, and the error that is expected of them."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from ...workflow.view import Event, Problem, Record, Request, Result
+
+
+class PoseError(Record, kw_only=True):
+    """What is expected in a pose at its largest level.
+
+    Attributes:
+        pose: Name of the pose.
+        error: Error, mm.
+        signals: Relative change of resistance of each cord, (c,).
+    """
+
+    pose: str
+    error: float
+    signals: list[float]
+
+
+class CordNumbers(Record, kw_only=True):
+    """Measured numbers of a cord.
+
+    Attributes:
+        name: Name of the cord.
+        length: Length with its inlets, mm.
+        radius: Smallest radius of curvature, mm; None for a straight cord.
+        wall: Smallest wall, mm.
+    """
+
+    name: str
+    length: float
+    radius: float | None
+    wall: float
+
+
+class Violation(Record, kw_only=True):
+    """A limit that is broken.
+
+    Attributes:
+        code: Stable identifier of the limit.
+        text: What is wrong, and how much is allowed.
+        cords: Names of the cords that break it.
+        at: Where (3,), mm.
+    """
+
+    code: str
+    text: str
+    cords: list[str]
+    at: list[float]
+
+
+class Judgement(Record, kw_only=True):
+    """The error expected of cords, and the limits that they break.
+
+    Attributes:
+        error: RMSE in unseen states, mm; None without cords, or if it cannot be predicted.
+        trained: RMSE after training, with the memory of the cords, mm; None if not computed.
+        decoder: The decoder.
+        poses: Expectations by pose.
+        cords: Numbers of the cords.
+        violations: Broken limits.
+        broken: Places (b, 3) where they are broken, mm.
+    """
+
+    error: float | None
+    trained: float | None
+    decoder: str
+    poses: list[PoseError]
+    cords: list[CordNumbers]
+    violations: list[Violation]
+    broken: list[list[float]]
+
+
+class Prediction(Event, kw_only=True):
+    """What is expected of the drawn cords and of those that were built.
+
+    Attributes:
+        is_ready: Whether the poses are simulated, so that errors can be predicted.
+        text: What to do first, if they are not.
+        is_computing: Whether `drawn` belongs to earlier cords, and is computed again.
+        drawn: Judgement of the drawn cords; None if not ready.
+        drawn_problem: Why it is missing.
+        built: Error of the cords of the last build, mm; None without a build.
+        is_built_drawn: Whether the built cords are the drawn ones.
+    """
+
+    is_ready: bool
+    text: str
+    is_computing: bool
+    drawn: Judgement | None = None
+    drawn_problem: Problem | None = None
+    built: float | None = None
+    is_built_drawn: bool = False
+
+
+class DragResult(Result, kw_only=True):
+    """A cord while it is dragged.
+
+    Attributes:
+        points: Its control points, snapped.
+        tangents: Its tangents.
+        path: Points (p, 3) along its path, mm.
+        snapped_to: What the dragged point has snapped to, in words; empty for nothing.
+        judgement: What is expected of all cords with it; None before the simulation.
+        problem: Why no error can be predicted.
+    """
+
+    points: list[list[float]]
+    tangents: list[list[float]]
+    path: list[list[float]]
+    snapped_to: str
+    judgement: Judgement | None
+    problem: Problem | None = None
+
+
+class DragPoint(Request, kw_only=True):
+    """Move a control point without writing it, and judge the cords.
+
+    Attributes:
+        cord: Name of the cord.
+        index: Index of the control point.
+        to: Position (2,) in the plane, or (3,) in space, mm.
+        snap: Whether it snaps to the surface, the middle and other cords.
+        write: Whether the drag has ended, and the cord is written.
+    """
+
+    result: ClassVar[type | None] = DragResult
+
+    cord: str
+    index: int
+    to: list[float]
+    snap: bool = True
+    write: bool = False
+
+
+class DragTangent(Request, kw_only=True):
+    """Turn the tangent at a control point; as `DragPoint`, `to` is the tangent, mm."""
+
+    result: ClassVar[type | None] = DragResult
+
+    cord: str
+    index: int
+    to: list[float]
+    write: bool = False
+
+
+class DragPlane(Request, kw_only=True):
+    """Move the plane of a cord.
+
+    Attributes:
+        origin: Origin (3,), mm.
+        axes: x axis, y axis and normal, (3, 3) by rows.
+    """
+
+    result: ClassVar[type | None] = DragResult
+
+    cord: str
+    origin: list[float]
+    axes: list[list[float]]
+    write: bool = False
+
+
+class InsertPoint(Request, kw_only=True):
+    """Add a control point before the index `before`, at (2,) or (3,) mm."""
+
+    cord: str
+    before: int
+    at: list[float]
+
+
+class DeletePoint(Request, kw_only=True):
+    """Delete a control point."""
+
+    cord: str
+    index: int
+
+
+class SmoothCord(Request, kw_only=True):
+    """Compute the tangents of a cord from its points."""
+
+    cord: str
+
+
+class RenameCord(Request, kw_only=True):
+    """Rename a cord."""
+
+    cord: str
+    name: str
+
+
+class DeleteCords(Request, kw_only=True):
+    """Delete cords."""
+
+    cords: list[str]
+
+
+class CordResult(Result, kw_only=True):
+    """The cord that was added."""
+
+    name: str
+
+
+class DuplicateCord(Request, kw_only=True):
+    """Add a copy of a cord, a little beside it."""
+
+    result: ClassVar[type | None] = CordResult
+
+    cord: str
+
+
+class MirrorCord(Request, kw_only=True):
+    """Add a copy of a cord that is mirrored at the middle of the body, across an axis."""
+
+    result: ClassVar[type | None] = CordResult
+
+    cord: str
+    axis: Literal["x", "y", "z"]
+
+
+class SetFreedoms(Request, kw_only=True):
+    """Set what the optimizer may change of a cord; nothing locks it."""
+
+    cord: str
+    free: list[Literal["path", "plane", "offset", "ends"]]
+
+
+class AddStraight(Request, kw_only=True):
+    """Add a straight cord along the middle of the body."""
+
+    result: ClassVar[type | None] = CordResult
+
+
+class Propose(Request, kw_only=True):
+    """Search for the cord that lowers the error most, and add it."""
+
+    result: ClassVar[type | None] = CordResult
+    lane: ClassVar[str] = "search"
+
+
+class PlaneOutline(Result, kw_only=True):
+    """The outline of the body in a plane.
+
+    Attributes:
+        segments: Segments (s, 2, 2) in the plane, mm.
+        low: Smallest coordinates (2,), mm.
+        high: Largest coordinates (2,), mm.
+    """
+
+    segments: list[list[list[float]]]
+    low: list[float]
+    high: list[float]
+
+
+class OutlineOf(Request, kw_only=True):
+    """Cut the body's surface with a plane."""
+
+    result: ClassVar[type | None] = PlaneOutline
+
+    origin: list[float]
+    axes: list[list[float]]
+
+
+class AddStroke(Request, kw_only=True):
+    """Add a cord along a stroke in a plane, or replace the path of a cord.
+
+    Attributes:
+        origin: Origin (3,) of the plane, mm.
+        axes: x axis, y axis and normal, (3, 3) by rows.
+        stroke: Points (n, 2) of the stroke in the plane, mm.
+        replaces: Name of the cord whose path is replaced; empty for a new cord.
+    """
+
+    result: ClassVar[type | None] = CordResult
+
+    origin: list[float]
+    axes: list[list[float]]
+    stroke: list[list[float]]
+    replaces: str = ""
+
+
+class Comparison(Result, kw_only=True):
+    """Two cords next to each other; see `workflow.design.layout_judge.CordComparison`."""
+
+    names: list[str]
+    errors_without: list[float | None]
+    error: float
+    largest_signals: list[float]
+    correlation: float
+    is_redundant: bool
+
+
+class CompareCords(Request, kw_only=True):
+    """Compare two cords of the device."""
+
+    result: ClassVar[type | None] = Comparison
+
+    first: str
+    second: str
