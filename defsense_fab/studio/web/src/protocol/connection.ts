@@ -98,7 +98,7 @@ export class Connection {
     await answer;
   }
 
-  private post(content: { kind: string }): Promise<unknown> {
+  private post(content: { kind: string; [key: string]: unknown }): Promise<unknown> {
     const id = this.next++;
     return new Promise((resolve, reject) => {
       if (this.socket?.readyState !== WebSocket.OPEN) {
