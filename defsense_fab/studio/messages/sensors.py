@@ -241,13 +241,23 @@ class Propose(Request, frozen=True, kw_only=True):
     lane: ClassVar[str] = "search"
 
 
+class ProposalProgress(Event, frozen=True, kw_only=True):
+    """How far the search for another cord is.
+
+    Attributes:
+        share: Completed share, 0 to 1; None when no search runs.
+    """
+
+    share: float | None
+
+
 class PlaneOutline(Result, frozen=True, kw_only=True):
     """The outline of the body in a plane.
 
     Attributes:
         segments: Segments (s, 2, 2) in the plane, mm.
-        low: Smallest coordinates (2,), mm.
-        high: Largest coordinates (2,), mm.
+        low: Smallest coordinates (3,) of the body, along the axes of the plane, mm.
+        high: Largest coordinates (3,), mm.
     """
 
     segments: list[list[list[float]]]
