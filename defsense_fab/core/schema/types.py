@@ -109,6 +109,11 @@ def bounds_in_words(kind: NumberType) -> str:
     return " and ".join(text.format(bound) for bound, text in words if bound is not None)
 
 
+def exact(value: float) -> str:
+    """Return a number with all its digits, as the user has written it."""
+    return repr(value).removesuffix(".0")
+
+
 def shape_in_words(shape: tuple[int | None, ...]) -> str:
     """Return a shape of lists of numbers, such as `3 numbers` or `a list of lists of 3 numbers`."""
     words = "numbers"
