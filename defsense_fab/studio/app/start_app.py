@@ -61,6 +61,9 @@ class Studio(Protocol):
     def is_device_open(self) -> bool:
         """Whether a device is open."""
 
+    def check_idle(self) -> None:
+        """Check that no job of the device is running. Raises DefsenseError."""
+
     def open_folder(self, folder: Path) -> None:
         """Open the device in a folder. Raises DefsenseError."""
 
@@ -189,6 +192,7 @@ class StartApp:
                 home = self._studio.home.absolute()
                 name = safe_name(f"{home.name}.") if self._is_home_free else start.name
             NewOptions(name=name)
+            self._studio.check_idle()
             folder = self._new_folder(name)
             create_starting_device(start, folder, name)
             self._agree(start, folder)
@@ -248,6 +252,7 @@ class StartApp:
         if body.key != "mesh":
             options = replace(options, units=None)
         with self._lock:
+            self._studio.check_idle()
             folder = self._new_folder(str(options.name))
             create_first_device(body, folder, options, is_draft=True)
             self._studio.open_folder(folder)

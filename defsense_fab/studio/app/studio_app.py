@@ -77,6 +77,11 @@ class StudioApp:
             else:
                 self._show("start", None)
 
+    def check_idle(self) -> None:
+        """Check that no job of the device is running. Raises DefsenseError."""
+        if self.device is not None:
+            self.device.session.jobs.check_idle()
+
     def open_folder(self, folder: Path) -> None:
         """Open the device in a folder, in place of the one that is open.
 
@@ -98,8 +103,8 @@ class StudioApp:
             DefsenseError: A job is running.
         """
         with self._lock:
+            self.check_idle()
             if self.device is not None:
-                self.device.session.jobs.check_idle()
                 self.device.close()
                 self.device = None
                 self._server.forget()
