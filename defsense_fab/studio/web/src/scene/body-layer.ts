@@ -11,10 +11,15 @@ import {
   MeshBasicMaterial,
 } from "three";
 import type { NumberArray } from "../protocol/connection";
-import { computeNormals, creaseMesh, intersectRay, type RayHit } from "./body-geometry";
+import { computeNormals, creaseMesh } from "./body-geometry";
+import { coarseIndex } from "./coarse-index";
 import { ORDER } from "./order";
+import { intersectRay, type RayHit } from "./ray";
 import { bodyMaterial } from "./shading";
 import type { SceneColors } from "./theme";
+
+/** Bodies with fewer triangles are fast enough. */
+const MIN_COARSENED_FACES = 30_000;
 
 export class BodyLayer {
   readonly object = new Group();
@@ -33,6 +38,8 @@ export class BodyLayer {
   private source: Uint32Array = new Uint32Array();
   private faces: Uint32Array = new Uint32Array();
   private vertices = new Float32Array();
+  private fine = new BufferAttribute(new Uint32Array(), 1);
+  private coarse: BufferAttribute | null = null;
   private colors: BufferAttribute | null = null;
   private opacity = 1;
   private dimming = 1;
@@ -68,7 +75,9 @@ export class BodyLayer {
     const size = 3 * creased.source.length;
     geometry.setAttribute("position", new BufferAttribute(new Float32Array(size), 3));
     geometry.setAttribute("normal", new BufferAttribute(new Float32Array(size), 3));
-    geometry.setIndex(new BufferAttribute(creased.faces, 1));
+    this.fine = new BufferAttribute(creased.faces, 1);
+    this.coarse = null;
+    geometry.setIndex(this.fine);
     this.mesh.geometry = geometry;
     this.depthMesh.geometry = geometry;
     const lines = new BufferGeometry();
@@ -90,8 +99,7 @@ export class BodyLayer {
       target[3 * i + 2] = vertices[from + 2]!;
     }
     const normals = this.mesh.geometry.getAttribute("normal") as BufferAttribute;
-    const index = this.mesh.geometry.index!.array as Uint32Array;
-    computeNormals(target, index, normals.array as Float32Array);
+    computeNormals(target, this.fine.array as Uint32Array, normals.array as Float32Array);
     positions.needsUpdate = normals.needsUpdate = true;
     if (vertices !== this.vertices) this.vertices.set(vertices);
     this.lines.geometry.getAttribute("position").needsUpdate = true;
@@ -135,6 +143,22 @@ export class BodyLayer {
   setDimming(factor: number): void {
     this.dimming = factor;
     this.applyOpacity();
+  }
+
+  /** Show fewer triangles of a large body, or all. */
+  setCoarse(isCoarse: boolean): void {
+    const { geometry } = this.mesh;
+    if (isCoarse && this.faces.length >= 3 * MIN_COARSENED_FACES) {
+      this.coarse ??= new BufferAttribute(
+        coarseIndex(
+          geometry.getAttribute("position").array as Float32Array,
+          geometry.getAttribute("normal").array as Float32Array,
+          this.fine.array as Uint32Array,
+        ),
+        1,
+      );
+      geometry.setIndex(this.coarse);
+    } else geometry.setIndex(this.fine);
   }
 
   setVisible(isVisible: boolean): void {

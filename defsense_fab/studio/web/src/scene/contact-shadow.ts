@@ -106,16 +106,13 @@ export class ContactShadow {
     camera.updateMatrixWorld();
 
     const others = scene.children.filter((child) => child !== caster && child.visible);
-    const { background } = scene;
     for (const other of others) other.visible = false;
-    scene.background = null;
     scene.overrideMaterial = this.depth;
     renderer.setRenderTarget(this.sharp);
     renderer.setClearColor(0x000000, 0);
     renderer.clear();
     renderer.render(scene, camera);
     scene.overrideMaterial = null;
-    scene.background = background;
     for (const other of others) other.visible = true;
     this.pass(renderer, this.sharp, this.soft, BLUR_PX / TEXTURE_PX, 0);
     this.pass(renderer, this.soft, this.sharp, 0, BLUR_PX / TEXTURE_PX);

@@ -1,7 +1,7 @@
 // The cords: tubes that stay visible through the body, with hover, selection and broken parts.
-import { Color, Group, Mesh, PlaneGeometry, type ShaderMaterial, type Vector2 } from "three";
+import { type Color, Group, Mesh, type ShaderMaterial, type Vector2 } from "three";
 import { ORDER } from "./order";
-import { depthClearMaterial, tubeMaterial } from "./shading";
+import { tubeMaterial } from "./shading";
 import type { SceneColors } from "./theme";
 import { Tube } from "./tube";
 
@@ -30,7 +30,6 @@ interface Entry {
 export class CordLayer {
   readonly object = new Group();
   private readonly entries = new Map<string, Entry>();
-  private readonly clearing = new Mesh(new PlaneGeometry(2, 2), depthClearMaterial());
   private radius = 1;
   private thinning = 1;
   private broken: number[][] = [];
@@ -39,11 +38,10 @@ export class CordLayer {
   private colors: SceneColors | null = null;
   private size: [number, number] = [1, 1];
 
-  constructor(private readonly onChange: () => void) {
-    this.clearing.frustumCulled = false;
-    this.clearing.renderOrder = ORDER.clearDepth;
-    this.object.add(this.clearing);
-  }
+  constructor(
+    private readonly onChange: () => void,
+    private readonly onMove: () => void,
+  ) {}
 
   /** Radius of the cords as they are shown, mm. */
   get shownRadius(): number {
@@ -76,7 +74,7 @@ export class CordLayer {
     if (!entry) return;
     entry.cord = { ...entry.cord, path };
     this.shape(entry);
-    this.onChange();
+    this.onMove();
   }
 
   /** Mark the parts of cords near these places (b, 3), mm. */
@@ -116,8 +114,6 @@ export class CordLayer {
 
   dispose(): void {
     for (const name of [...this.entries.keys()]) this.remove(name);
-    this.clearing.geometry.dispose();
-    this.clearing.material.dispose();
   }
 
   private add(cord: ShownCord): Entry {
@@ -166,8 +162,11 @@ export class CordLayer {
         color(mesh, "alarm").set(this.colors.broken);
         mesh.material.uniforms.stripe!.value = STRIPE_RADII * this.radius;
       }
-      hidden.material.uniforms.opacity!.value = isSelected || isHovered ? 1 : HIDDEN_OPACITY;
-      outline.visible = cord.isVisible && (isSelected || isHovered);
+      const isChosen = isSelected || isHovered;
+      hidden.material.uniforms.opacity!.value = isChosen ? 1 : HIDDEN_OPACITY;
+      hidden.material.stencilWrite = !isChosen;
+      hidden.renderOrder = isChosen ? ORDER.chosenCords : ORDER.hiddenCords;
+      outline.visible = cord.isVisible && isChosen;
       color(outline, "base").set(isSelected ? this.colors.outline : this.colors.hover);
       color(outline, "alarm").copy(color(outline, "base"));
       outline.material.uniforms.outline!.value = isSelected ? OUTLINE_PX : OUTLINE_PX - 1;

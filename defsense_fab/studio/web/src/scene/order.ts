@@ -1,17 +1,18 @@
 // The order in which the parts of the scene are drawn, so that cords shine through the body.
 //
-// Visible cords come first. The body covers them and marks in the stencil where it does. There the
-// depth is cleared, and the cords are drawn again, paler, with the right order among themselves.
+// Visible cords come first. The body covers them and marks in the stencil where it does. There
+// the cords are drawn again, paler, in front of the body.
 export const ORDER = {
-  shadow: -2,
+  background: -3,
   cords: -1,
   bodyDepth: 0,
   body: 1,
   // The following are transparent, so that three draws them after all others.
-  transparentBody: 2,
-  edges: 3,
-  clearDepth: 4,
-  outlines: 5,
-  hiddenCords: 6,
-  grid: 7,
+  shadow: 2,
+  transparentBody: 3,
+  edges: 4,
+  hiddenCords: 5,
+  outlines: 6,
+  chosenCords: 7,
+  grid: 8,
 } as const;

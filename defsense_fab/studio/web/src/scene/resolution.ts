@@ -12,11 +12,21 @@ export class Resolution {
   private average = 16;
   private last = 0;
   private isMoving = false;
+  private isHeavy = false;
+
+  /** Without a graphics card, edges are smoothed by a still picture of twice the resolution. */
+  constructor(private readonly isSoftware: boolean) {}
 
   /** Device pixels per pixel of the page at present. */
   get ratio(): number {
     const full = Math.min(devicePixelRatio, LARGEST_RATIO);
-    return this.isMoving ? full * this.share : full;
+    if (this.isMoving) return full * this.share;
+    return this.isSoftware ? LARGEST_RATIO : full;
+  }
+
+  /** Whether moving pictures must have fewer triangles. */
+  get isCoarse(): boolean {
+    return this.isMoving && this.isHeavy;
   }
 
   /** Average time between frames while something moves, ms. */
@@ -30,7 +40,8 @@ export class Resolution {
     this.last = now;
     if (gap > LARGEST_GAP_MS || !this.isMoving) return;
     this.average += (gap - this.average) * 0.2;
-    if (this.average > SLOW_MS && this.share > LOWEST_SHARE) {
+    if (this.average > SLOW_MS && (this.share > LOWEST_SHARE || !this.isHeavy)) {
+      if (this.share < 0.8) this.isHeavy = true;
       this.share = Math.max(LOWEST_SHARE, this.share * 0.7);
       this.average = (SLOW_MS + FAST_MS) / 2;
     } else if (this.average < FAST_MS && this.share < 1) {
@@ -44,4 +55,13 @@ export class Resolution {
     this.isMoving = isMoving;
     return this.ratio !== before;
   }
+}
+
+/** Return whether pictures are rendered by the processor. */
+export function isSoftwareRendered(): boolean {
+  const context = document.createElement("canvas").getContext("webgl2");
+  const info = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? String(context!.getParameter(info.UNMASKED_RENDERER_WEBGL)) : "";
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software/i.test(name);
 }

@@ -1,10 +1,8 @@
 // Materials of bodies and cords: one soft light, computed from the normal alone.
 import {
-  AlwaysDepth,
   AlwaysStencilFunc,
   BackSide,
   Color,
-  DoubleSide,
   EqualStencilFunc,
   FrontSide,
   ReplaceStencilOp,
@@ -48,8 +46,7 @@ const BODY_FRAGMENT = /* glsl */ `
   uniform bool isExact;
   ${LIGHT}
   void main() {
-    vec3 normal = normalize(vNormal) * (gl_FrontFacing ? 1.0 : -1.0);
-    gl_FragColor = vec4(isExact ? vColor : lit(vColor, normal), opacity);
+    gl_FragColor = vec4(isExact ? vColor : lit(vColor, normalize(vNormal)), opacity);
     #include <colorspace_fragment>
   }
 `;
@@ -64,7 +61,6 @@ export function bodyMaterial(): ShaderMaterial {
       opacity: { value: 1 },
       isExact: { value: false },
     },
-    side: DoubleSide,
     polygonOffset: true,
     polygonOffsetFactor: 1,
     polygonOffsetUnits: 1,
@@ -79,6 +75,7 @@ const TUBE_VERTEX = /* glsl */ `
   attribute float along;
   attribute float broken;
   uniform float outline;
+  uniform bool isLifted;
   uniform vec2 viewport;
   varying vec3 vNormal;
   varying float vAlong;
@@ -90,6 +87,8 @@ const TUBE_VERTEX = /* glsl */ `
     gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
     vec2 away = normalize((projectionMatrix * vec4(vNormal, 0.0)).xy + 1e-9);
     gl_Position.xy += away * outline * 2.0 / viewport * gl_Position.w;
+    // In front of all bodies, in the same order among themselves.
+    if (isLifted) gl_Position.z = 0.02 * gl_Position.z - 0.98 * gl_Position.w;
   }
 `;
 
@@ -125,6 +124,7 @@ export function tubeMaterial(pass: TubePass): ShaderMaterial {
       isExact: { value: pass === "outline" },
       stripe: { value: 3 },
       outline: { value: 0 },
+      isLifted: { value: pass !== "visible" },
       viewport: { value: new Vector2(1, 1) },
     },
     side: pass === "outline" ? BackSide : FrontSide,
@@ -135,16 +135,24 @@ export function tubeMaterial(pass: TubePass): ShaderMaterial {
   });
 }
 
-/** Return a material that clears the depth wherever the body hides cords. */
-export function depthClearMaterial(): ShaderMaterial {
+/** Return the material of the background, a gradient from above to below. */
+export function backgroundMaterial(): ShaderMaterial {
   return new ShaderMaterial({
-    vertexShader: "void main() { gl_Position = vec4(position.xy, 1.0, 1.0); }",
-    fragmentShader: "void main() { gl_FragColor = vec4(0.0); }",
-    colorWrite: false,
-    depthFunc: AlwaysDepth,
-    transparent: true,
-    stencilWrite: true,
-    stencilRef: BODY_STENCIL,
-    stencilFunc: EqualStencilFunc,
+    vertexShader: /* glsl */ `
+      uniform vec3 sky;
+      uniform vec3 ground;
+      varying vec3 vColor;
+      void main() {
+        vColor = mix(ground, sky, 0.5 + 0.5 * position.y);
+        gl_Position = vec4(position.xy, 1.0, 1.0);
+      }
+    `,
+    fragmentShader: /* glsl */ `
+      varying vec3 vColor;
+      void main() { gl_FragColor = vec4(vColor, 1.0); }
+    `,
+    uniforms: { sky: { value: new Color() }, ground: { value: new Color() } },
+    depthTest: false,
+    depthWrite: false,
   });
 }

@@ -1,27 +1,40 @@
 // The triangles of a cord along its path, rebuilt in place while it is dragged.
 import { BufferAttribute, BufferGeometry, DynamicDrawUsage } from "three";
 
-const SIDES = 12;
+const SIDES = 8;
+/** Points of a path are left out while the path turns less than this, degrees. */
+const LARGEST_TURN_DEG = 5;
+const LARGEST_COSINE = Math.cos((LARGEST_TURN_DEG * Math.PI) / 180);
+const ATTRIBUTES = [
+  ["position", 3],
+  ["normal", 3],
+  ["along", 1],
+  ["broken", 1],
+] as const;
+const CAP_INDICES = 6 * (SIDES - 2);
 
 /** Parts of a path that are marked as broken lie within this many radii of a broken place. */
 const BROKEN_REACH_RADII = 2;
 
 export class Tube {
   readonly geometry = new BufferGeometry();
-  private rings = 0;
+  private capacity = 0;
 
   get isEmpty(): boolean {
-    return this.rings === 0;
+    return this.capacity === 0;
   }
 
-  /** Follow a path (p, 3) with a radius, mm; mark what is near the broken places (b, 3). */
-  set(path: number[][], radius: number, broken: number[][]): void {
-    if (path.length !== this.rings) this.allocate(path.length);
+  /** Follow points (p, 3) with a radius, mm; mark what is near the broken places (b, 3). */
+  set(points: number[][], radius: number, broken: number[][]): void {
+    const reach = (BROKEN_REACH_RADII * radius) ** 2;
+    const marks = points.map((p) => (broken.some((b) => squared(b, p) < reach) ? 1 : 0));
+    const kept = keptPoints(points, marks);
+    const path = kept.map((i) => points[i]!);
+    if (points.length > this.capacity) this.allocate(points.length);
     const position = this.values("position");
     const normal = this.values("normal");
     const along = this.values("along");
     const isBroken = this.values("broken");
-    const reach = (BROKEN_REACH_RADII * radius) ** 2;
     const [x, y, t] = [[0, 0, 0], [0, 0, 0], [0, 0, 0]];
     let length = 0;
     for (let i = 0; i < path.length; i++) {
@@ -33,11 +46,10 @@ export class Tube {
         transport(x, t);
       }
       cross(y, t, x);
-      const near = broken.some((b) => squared(b, p) < reach) ? 1 : 0;
       for (let k = 0; k < SIDES; k++) {
         const angle = (2 * Math.PI * k) / SIDES;
         const [c, s] = [Math.cos(angle), Math.sin(angle)];
-        const at = (i + 1) * SIDES + k;
+        const at = (i + 2) * SIDES + k;
         for (let axis = 0; axis < 3; axis++) {
           const n = c * x[axis]! + s * y[axis]!;
           normal[3 * at + axis] = n;
@@ -45,24 +57,24 @@ export class Tube {
         }
         // Stripes wind around the cord.
         along[at] = length + (radius * 2 * Math.min(k, SIDES - k)) / SIDES;
-        isBroken[at] = near;
+        isBroken[at] = marks[kept[i]!]!;
       }
     }
-    this.closeEnd(0, 1, path, true);
-    this.closeEnd(path.length + 1, path.length, path, false);
-    for (const name of ["position", "normal", "along", "broken"]) {
+    const last = path.length - 1;
+    this.closeEnd(0, 2, path[1]!, path[0]!);
+    this.closeEnd(1, last + 2, path[last - 1]!, path[last]!);
+    this.geometry.setDrawRange(0, CAP_INDICES + 6 * SIDES * last);
+    for (const [name] of ATTRIBUTES) {
       this.geometry.getAttribute(name).needsUpdate = true;
     }
   }
 
   /** Copy a ring to an end, with the normals of a flat cap. */
-  private closeEnd(to: number, from: number, path: number[][], isFirst: boolean): void {
+  private closeEnd(to: number, from: number, inner: number[], outer: number[]): void {
     const position = this.values("position");
     const normal = this.values("normal");
-    const last = path.length - 1;
     const n = [0, 0, 0];
-    if (isFirst) direction(n, path[1]!, path[0]!);
-    else direction(n, path[last - 1]!, path[last]!);
+    direction(n, inner, outer);
     for (let k = 0; k < SIDES; k++) {
       const [a, b] = [to * SIDES + k, from * SIDES + k];
       for (let axis = 0; axis < 3; axis++) {
@@ -79,24 +91,41 @@ export class Tube {
   }
 
   private allocate(rings: number): void {
-    this.rings = rings;
+    this.capacity = rings;
     this.geometry.dispose();
     const count = (rings + 2) * SIDES;
-    for (const [name, size] of [["position", 3], ["normal", 3], ["along", 1], ["broken", 1]] as const) {
+    for (const [name, size] of ATTRIBUTES) {
       const attribute = new BufferAttribute(new Float32Array(size * count), size);
       this.geometry.setAttribute(name, attribute.setUsage(DynamicDrawUsage));
     }
     const index: number[] = [];
-    for (let i = 1; i < rings; i++) {
+    for (let k = 1; k < SIDES - 1; k++) {
+      index.push(0, k + 1, k, SIDES, SIDES + k, SIDES + k + 1);
+    }
+    for (let i = 2; i < rings + 1; i++) {
       for (let k = 0; k < SIDES; k++) {
         const [a, b] = [i * SIDES + k, i * SIDES + ((k + 1) % SIDES)];
         index.push(a, b, a + SIDES, b, b + SIDES, a + SIDES);
       }
     }
-    const end = (rings + 1) * SIDES;
-    for (let k = 1; k < SIDES - 1; k++) index.push(0, k + 1, k, end, end + k, end + k + 1);
     this.geometry.setIndex(index);
   }
+}
+
+/** Return the points that a tube needs: where the path turns, and where marks change. */
+function keptPoints(path: number[][], marks: number[]): number[] {
+  const kept = [0];
+  const [before, after] = [[0, 0, 0], [0, 0, 0]];
+  direction(before, path[0]!, path[1]!);
+  for (let i = 1; i < path.length - 1; i++) {
+    direction(after, path[i]!, path[i + 1]!);
+    const cosine = before[0]! * after[0]! + before[1]! * after[1]! + before[2]! * after[2]!;
+    if (cosine > LARGEST_COSINE && marks[i] === marks[i - 1] && marks[i] === marks[i + 1]) continue;
+    kept.push(i);
+    [before[0], before[1], before[2]] = after;
+  }
+  kept.push(path.length - 1);
+  return kept;
 }
 
 function direction(out: number[], from: number[], to: number[]): void {

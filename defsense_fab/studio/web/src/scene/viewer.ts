@@ -1,10 +1,12 @@
 // The scene: it renders only when something has changed, and owns camera, layers and overlay.
 import {
-  CanvasTexture,
+  type Color,
+  LinearSRGBColorSpace,
+  Mesh,
   NoToneMapping,
+  PlaneGeometry,
   Ray,
   Scene,
-  SRGBColorSpace,
   Vector3,
   WebGLRenderer,
 } from "three";
@@ -13,10 +15,12 @@ import { CameraRig } from "./camera-rig";
 import { ContactShadow } from "./contact-shadow";
 import { CordLayer } from "./cord-layer";
 import { LabelLayer } from "./label-layer";
+import { ORDER } from "./order";
 import { Picker } from "./picker";
-import { Resolution } from "./resolution";
+import { isSoftwareRendered, Resolution } from "./resolution";
 import { ScaleBar } from "./scale-bar";
 import "./scene.css";
+import { backgroundMaterial } from "./shading";
 import { onThemeChange, type SceneColors, sceneColors } from "./theme";
 import { ViewCube } from "./view-cube";
 
@@ -35,10 +39,11 @@ export class Viewer {
   readonly labels: LabelLayer;
   readonly picker: Picker;
   readonly cube: ViewCube;
-  readonly resolution = new Resolution();
+  readonly resolution: Resolution;
   colors: SceneColors = sceneColors();
   width = 1;
   height = 1;
+  private readonly background = new Mesh(new PlaneGeometry(2, 2), backgroundMaterial());
   private readonly shadow = new ContactShadow();
   private readonly scale: ScaleBar;
   private readonly frameListeners = new Set<() => void>();
@@ -49,9 +54,12 @@ export class Viewer {
   private frame = 0;
   private stillTimer = 0;
   private hasBody = false;
+  private isMoving = false;
 
   constructor(private readonly host: HTMLElement) {
-    this.renderer = new WebGLRenderer({ antialias: true, stencil: true });
+    const isSoftware = isSoftwareRendered();
+    this.resolution = new Resolution(isSoftware);
+    this.renderer = new WebGLRenderer({ antialias: !isSoftware, stencil: true });
     this.renderer.toneMapping = NoToneMapping;
     this.renderer.setPixelRatio(this.resolution.ratio);
     this.canvas = this.renderer.domElement;
@@ -67,8 +75,13 @@ export class Viewer {
       () => this.invalidate(),
       () => this.onBodyShape(),
     );
-    this.cords = new CordLayer(() => this.invalidate());
-    this.scene.add(this.shadow.object, this.body.object, this.cords.object);
+    this.cords = new CordLayer(
+      () => this.refresh(),
+      () => this.invalidate(),
+    );
+    this.background.frustumCulled = false;
+    this.background.renderOrder = ORDER.background;
+    this.scene.add(this.background, this.shadow.object, this.body.object, this.cords.object);
     this.labels = new LabelLayer(this);
     this.scale = new ScaleBar(this);
     this.picker = new Picker(this);
@@ -80,8 +93,14 @@ export class Viewer {
     this.resize();
   }
 
-  /** Render a frame as soon as possible. */
+  /** Render a frame of something that moves. */
   invalidate(): void {
+    this.isMoving = true;
+    this.refresh();
+  }
+
+  /** Render a frame after a single change. */
+  refresh(): void {
     this.frame ||= requestAnimationFrame((now) => this.render(now));
   }
 
@@ -132,7 +151,8 @@ export class Viewer {
     this.stopTheme();
     for (const part of [this.picker, this.labels, this.scale, this.cube]) part.dispose();
     for (const part of [this.rig, this.body, this.cords, this.shadow]) part.dispose();
-    (this.scene.background as CanvasTexture | null)?.dispose();
+    this.background.geometry.dispose();
+    this.background.material.dispose();
     this.renderer.dispose();
     this.canvas.remove();
     this.overlay.remove();
@@ -142,7 +162,7 @@ export class Viewer {
     this.frame = 0;
     if (this.width < 2 || this.height < 2) return;
     this.resolution.record(now);
-    this.setMoving(true);
+    this.setMoving(this.isMoving);
     this.draw(now);
     if (this.rig.isChanging || this.cube.isBusy) this.invalidate();
     clearTimeout(this.stillTimer);
@@ -160,12 +180,14 @@ export class Viewer {
   }
 
   private onStill(): void {
+    this.isMoving = false;
     if (this.setMoving(false)) this.draw(performance.now());
   }
 
   private setMoving(isMoving: boolean): boolean {
     const isChanged = this.resolution.setMoving(isMoving);
     if (isChanged) this.renderer.setPixelRatio(this.resolution.ratio);
+    this.body.setCoarse(this.resolution.isCoarse);
     return isChanged;
   }
 
@@ -195,23 +217,12 @@ export class Viewer {
     this.cords.setTheme(this.colors);
     this.shadow.strength = this.colors.shadow;
     this.cube.setTheme();
-    (this.scene.background as CanvasTexture | null)?.dispose();
-    this.scene.background = gradient(this.colors);
+    // The gradient is not lit, so that its colors are those of the page.
+    for (const name of ["sky", "ground"] as const) {
+      const color = this.background.material.uniforms[name]!.value as Color;
+      color.setStyle(this.colors[name], LinearSRGBColorSpace);
+    }
     for (const action of this.themeListeners) action(this.colors);
     this.invalidate();
   }
-}
-
-function gradient({ sky, ground }: SceneColors): CanvasTexture {
-  const canvas = document.createElement("canvas");
-  [canvas.width, canvas.height] = [1, 256];
-  const context = canvas.getContext("2d")!;
-  const fill = context.createLinearGradient(0, 0, 0, 256);
-  fill.addColorStop(0, sky);
-  fill.addColorStop(1, ground);
-  context.fillStyle = fill;
-  context.fillRect(0, 0, 1, 256);
-  const texture = new CanvasTexture(canvas);
-  texture.colorSpace = SRGBColorSpace;
-  return texture;
 }
