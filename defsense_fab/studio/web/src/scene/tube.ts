@@ -3,7 +3,7 @@ import { BufferAttribute, BufferGeometry, DynamicDrawUsage } from "three";
 
 const SIDES = 8;
 /** Points of a path are left out while the path turns less than this, degrees. */
-const LARGEST_TURN_DEG = 5;
+const LARGEST_TURN_DEG = 2.5;
 const LARGEST_COSINE = Math.cos((LARGEST_TURN_DEG * Math.PI) / 180);
 const ATTRIBUTES = [
   ["position", 3],
