@@ -25,7 +25,12 @@ from ..runtime.view.messages import Record as Record
 from ..runtime.view.messages import Reply as Reply
 from ..runtime.view.messages import Request as Request
 from ..runtime.view.messages import Result as Result
-from ..runtime.view.page_server import HOST, close_page, serve_page
+from ..runtime.view.messages import Upload as Upload
+from ..runtime.view.page_server import HOST as HOST
+from ..runtime.view.page_server import close_page, serve_page
+from ..runtime.view.web_server import Client as Client
+from ..runtime.view.web_server import Download as Download
+from ..runtime.view.web_server import WebServer as WebServer
 
 _EDGE_TOLERANCE = 1e-9  # of barycentric coordinates, so that rays hit shared edges
 

@@ -15,7 +15,11 @@ from ..device import DeviceFolder
 from ..output import OutputOptions, print_lines
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from ...studio.app.studio_app import StudioApp
     from ...studio.page.studio import Studio
+    from ...studio.project.agreement import Agreement
 
 #: Time between checks for changes by other programs.
 _POLL_INTERVAL_S = 1.0
@@ -32,6 +36,7 @@ class StudioOptions:
         trust: Run the folder's CAD script without confirmation, because you wrote it.
         browser: Open a browser; otherwise only print the page's address.
         seconds: Stop after this time in s (default: at Ctrl-C).
+        preview: Show the new page, which is not complete yet.
     """
 
     port: Annotated[int, Meta(ge=1024, le=65535)] = 8090
@@ -39,6 +44,7 @@ class StudioOptions:
     trust: bool = False
     browser: bool = True
     seconds: Annotated[float, Meta(ge=0.1, le=1e7)] | None = None
+    preview: bool = False
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -84,9 +90,13 @@ def _studio(
     from ...studio.project.agreement import Agreement
     from ...workflow.view import open_page
 
+    agreement = Agreement(trusted=options.trust)
+    if options.preview:
+        _serve_preview(folder, options, agreement)
+        return
     title = f"{folder.absolute().name} studio"
     with open_page(options.port, title, options.host) as page:
-        studio = Studio(page.server, folder, Agreement(trusted=options.trust))
+        studio = Studio(page.server, folder, agreement)
         lines = [f"Studio:  {page.url}", "Press Ctrl-C to stop; all changes are saved."]
         if page.has_token:
             lines.insert(1, "         (anyone with this link has full access)")
@@ -98,7 +108,31 @@ def _studio(
         _serve(studio, options.seconds)
 
 
-def _serve(studio: Studio, seconds: float | None) -> None:
+def _serve_preview(folder: Path, options: StudioOptions, agreement: Agreement) -> None:
+    from ...core.machine.local_access import Access
+    from ...studio.app.studio_app import StudioApp
+    from ...workflow.view import HOST, WebServer
+
+    access = Access(options.host or HOST)
+    server = WebServer(options.port, access, options.host or HOST)
+    app = StudioApp(server, folder, agreement)
+    server.start(app)
+    url = access.link(options.port)
+    lines = [f"Studio:  {url}", "Press Ctrl-C to stop; all changes are saved."]
+    if access.token:
+        lines.insert(1, "         (anyone with this link has full access)")
+    print_lines(lines)
+    if options.browser:
+        import webbrowser
+
+        webbrowser.open(url)
+    try:
+        _serve(app, options.seconds)
+    finally:
+        server.close()
+
+
+def _serve(studio: Studio | StudioApp, seconds: float | None) -> None:
     """Follow changes by other programs until the time has passed or Ctrl-C is pressed."""
     from ...core.machine.processes import one_blas_thread
 

@@ -45,12 +45,14 @@ class LimitViolation:
         message: One sentence for people.
         cords: Names of the cords that break the limit: one, or two that are too close.
         value: The measured quantity, mm.
+        at: Where the limit is broken (3,), mm; the middle of a cord that breaks it as a whole.
     """
 
     code: str
     message: str
     cords: tuple[str, ...]
     value: float
+    at: tuple[float, float, float]
 
     def __str__(self) -> str:
         return self.message
@@ -129,7 +131,9 @@ def verify(
                     f"{limits.noun}s {names[0]!r} and {names[1]!r} come within {gap[k]:.2f} mm near"
                     f" {format_point(dense[i][k])}; {limits.clearance:.2f} mm is needed"
                 )
-                violations.append(LimitViolation("cords-too-close", message, names, float(gap[k])))
+                violations.append(
+                    _violation("cords-too-close", message, names, gap[k], dense[i][k])
+                )
                 broken.append(dense[i][gap < limits.clearance - _TOLERANCE_MM])
     if limits.pad[0] and sensors:
         closeness = _check_pads([s.name for s in sensors], dense, limits, surface, depth)
@@ -173,7 +177,7 @@ def _check_pads(
                 f" {names[j]!r} near {format_point(axis[k])}; {needed:.2f} mm is needed"
             )
             involved = (names[i],) if i == j else (names[i], names[j])
-            violation = LimitViolation("pad-too-close", message, involved, float(gap[k]))
+            violation = _violation("pad-too-close", message, involved, gap[k], axis[k])
             found.append((violation, axis[k]))
 
     for n, (i, end, _) in enumerate(ends):
@@ -190,17 +194,34 @@ def _check_pads(
     return found
 
 
+def _violation(
+    code: str, message: str, cords: tuple[str, ...], value: float, at: Float
+) -> LimitViolation:
+    x, y, z = (float(coordinate) for coordinate in at)
+    return LimitViolation(code, message, cords, float(value), (x, y, z))
+
+
 class _Findings:
     """The violations of one cord and the samples where they occur."""
 
-    def __init__(self, name: str, noun: str) -> None:
-        self._name, self._noun = name, noun
+    def __init__(self, name: str, noun: str, middle: Float) -> None:
+        self._name, self._noun, self._middle = name, noun, middle
         self.violations: list[LimitViolation] = []
         self.broken: list[Float] = []
 
-    def add(self, code: str, value: float, text: str, samples: Float | None = None) -> None:
+    def add(
+        self,
+        code: str,
+        value: float,
+        text: str,
+        samples: Float | None = None,
+        at: Float | None = None,
+    ) -> None:
+        """Add a violation at a place (3,) mm, or in the middle of the broken samples (b, 3) mm."""
         message = f"{self._noun} {self._name!r}{text}"
-        self.violations.append(LimitViolation(code, message, (self._name,), float(value)))
+        if at is None:
+            at = self._middle if samples is None else samples[len(samples) // 2]
+        self.violations.append(_violation(code, message, (self._name,), value, at))
         if samples is not None:
             self.broken.append(samples)
 
@@ -208,7 +229,7 @@ class _Findings:
 def _check_cord(
     sensor: Sensor, points: Float, surface: Surface, limits: Limits, depth_of: SignedDistance
 ) -> CordCheck:
-    findings = _Findings(sensor.name, limits.noun)
+    findings = _Findings(sensor.name, limits.noun, points[len(points) // 2])
     start = _inlet_length(points[0], points[1], surface)
     end = _inlet_length(points[-1], points[-2], surface)
     inlets = (start, end)
@@ -222,13 +243,14 @@ def _check_cord(
             f" leaves the body near {format_point(points[k])}, {-path_depth[k]:.2f} mm outside",
             points[path_depth < -_TOLERANCE_MM],
         )
-    for inlet, which in zip(inlets, ("start", "end"), strict=True):
+    for inlet, which, at in zip(inlets, ("start", "end"), points[[0, -1]], strict=True):
         if inlet > MAX_INLET_MM and not findings.violations:
             findings.add(
                 "end-far-from-surface",
                 inlet,
                 f": its {which} lies {inlet:.1f} mm from where it leaves the body; move the end"
                 f" within {MAX_INLET_MM:g} mm of the surface",
+                at=at,
             )
     leaves = not findings.violations
     if leaves and limits.exits:

@@ -30,7 +30,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, rename="camel"):
     """A part of a message."""
 
 
-class Request(Record, kw_only=True, tag_field="kind", tag=_kind):
+class Request(Record, frozen=True, kw_only=True, tag_field="kind", tag=_kind):
     """A request of a browser.
 
     Attributes:
@@ -45,7 +45,7 @@ class Request(Record, kw_only=True, tag_field="kind", tag=_kind):
     id: int
 
 
-class Event(Record, kw_only=True, tag_field="kind", tag=_kind):
+class Event(Record, frozen=True, kw_only=True, tag_field="kind", tag=_kind):
     """A message to browsers.
 
     Attributes:
@@ -55,11 +55,11 @@ class Event(Record, kw_only=True, tag_field="kind", tag=_kind):
     is_kept: ClassVar[bool] = True
 
 
-class Result(Record, kw_only=True):
+class Result(Record, frozen=True, kw_only=True):
     """The content of an answer."""
 
 
-class Problem(Record, kw_only=True):
+class Problem(Record, frozen=True, kw_only=True):
     """An error, as a page shows it.
 
     Attributes:
@@ -93,7 +93,7 @@ class Problem(Record, kw_only=True):
         )
 
 
-class Reply(Event, kw_only=True):
+class Reply(Event, frozen=True, kw_only=True):
     """The answer to a request that sends no arrays.
 
     Attributes:
@@ -109,7 +109,21 @@ class Reply(Event, kw_only=True):
     result: Any = None
 
 
-class Arrays(Record, kw_only=True):
+class Upload(Request, frozen=True, kw_only=True):
+    """Announce a file, whose parts follow as binary messages that begin with this number.
+
+    It is answered once the whole file is received, or refused.
+
+    Attributes:
+        name: Name of the file.
+        size: Its size in bytes.
+    """
+
+    name: str
+    size: int
+
+
+class Arrays(Record, frozen=True, kw_only=True):
     """Named arrays with some facts about them, for a binary message.
 
     Attributes:

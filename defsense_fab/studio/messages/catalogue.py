@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from types import ModuleType
 from typing import Any, Union
 
 import msgspec
 
-from ...workflow.view import Event, Reply, Request
+from ...workflow.view import Event, Reply, Request, Upload
 from . import sensors, shell
 
 MODULES: tuple[ModuleType, ...] = (shell, sensors)
@@ -25,10 +26,10 @@ def messages(base: type) -> tuple[Any, ...]:
     return tuple(sorted(found, key=lambda kind: kind.__name__))
 
 
-REQUESTS = messages(Request)
+REQUESTS = tuple(sorted({*messages(Request), Upload}, key=lambda kind: kind.__name__))
 EVENTS = tuple(sorted({*messages(Event), Reply}, key=lambda kind: kind.__name__))
 #: Reads any request of a browser.
-DECODER = msgspec.json.Decoder(Union[REQUESTS])
+DECODER = msgspec.json.Decoder(Union[REQUESTS])  # noqa: UP007 - of a tuple
 
 
 def schema() -> dict[str, Any]:
@@ -40,11 +41,14 @@ def schema() -> dict[str, Any]:
     results = {kind.result for kind in REQUESTS if kind.result is not None}
     order = sorted(results, key=lambda kind: kind.__name__)
     (requests, events, *contents), parts = msgspec.json.schema_components(
-        [Union[REQUESTS], Union[EVENTS], *order], ref_template="#/$defs/{name}"
+        [Union[REQUESTS], Union[EVENTS], *order],  # noqa: UP007
+        ref_template="#/$defs/{name}",
     )
     content = dict(zip(order, contents, strict=True))
     by_kind = {
-        kind.__struct_config__.tag: {"type": "null"} if kind.result is None else content[kind.result]
+        kind.__struct_config__.tag: {"type": "null"}
+        if kind.result is None
+        else content[kind.result]
         for kind in REQUESTS
     }
     for part in parts.values():  # everything is sent, also what has a default
@@ -73,4 +77,4 @@ def schema() -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    print(msgspec.json.format(msgspec.json.encode(schema()), indent=1).decode())
+    sys.stdout.write(msgspec.json.format(msgspec.json.encode(schema()), indent=1).decode() + "\n")

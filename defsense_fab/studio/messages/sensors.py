@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 from ...workflow.view import Event, Problem, Record, Request, Result
 
 
-class PoseError(Record, kw_only=True):
+class PoseError(Record, frozen=True, kw_only=True):
     """What is expected in a pose at its largest level.
 
     Attributes:
@@ -21,7 +21,7 @@ class PoseError(Record, kw_only=True):
     signals: list[float]
 
 
-class CordNumbers(Record, kw_only=True):
+class CordNumbers(Record, frozen=True, kw_only=True):
     """Measured numbers of a cord.
 
     Attributes:
@@ -37,7 +37,7 @@ class CordNumbers(Record, kw_only=True):
     wall: float
 
 
-class Violation(Record, kw_only=True):
+class Violation(Record, frozen=True, kw_only=True):
     """A limit that is broken.
 
     Attributes:
@@ -53,7 +53,7 @@ class Violation(Record, kw_only=True):
     at: list[float]
 
 
-class Judgement(Record, kw_only=True):
+class Judgement(Record, frozen=True, kw_only=True):
     """The error expected of cords, and the limits that they break.
 
     Attributes:
@@ -75,7 +75,7 @@ class Judgement(Record, kw_only=True):
     broken: list[list[float]]
 
 
-class Prediction(Event, kw_only=True):
+class Prediction(Event, frozen=True, kw_only=True):
     """What is expected of the drawn cords and of those that were built.
 
     Attributes:
@@ -97,7 +97,7 @@ class Prediction(Event, kw_only=True):
     is_built_drawn: bool = False
 
 
-class DragResult(Result, kw_only=True):
+class DragResult(Result, frozen=True, kw_only=True):
     """A cord while it is dragged.
 
     Attributes:
@@ -117,7 +117,7 @@ class DragResult(Result, kw_only=True):
     problem: Problem | None = None
 
 
-class DragPoint(Request, kw_only=True):
+class DragPoint(Request, frozen=True, kw_only=True):
     """Move a control point without writing it, and judge the cords.
 
     Attributes:
@@ -137,7 +137,7 @@ class DragPoint(Request, kw_only=True):
     write: bool = False
 
 
-class DragTangent(Request, kw_only=True):
+class DragTangent(Request, frozen=True, kw_only=True):
     """Turn the tangent at a control point; as `DragPoint`, `to` is the tangent, mm."""
 
     result: ClassVar[type | None] = DragResult
@@ -148,7 +148,7 @@ class DragTangent(Request, kw_only=True):
     write: bool = False
 
 
-class DragPlane(Request, kw_only=True):
+class DragPlane(Request, frozen=True, kw_only=True):
     """Move the plane of a cord.
 
     Attributes:
@@ -164,7 +164,7 @@ class DragPlane(Request, kw_only=True):
     write: bool = False
 
 
-class InsertPoint(Request, kw_only=True):
+class InsertPoint(Request, frozen=True, kw_only=True):
     """Add a control point before the index `before`, at (2,) or (3,) mm."""
 
     cord: str
@@ -172,39 +172,39 @@ class InsertPoint(Request, kw_only=True):
     at: list[float]
 
 
-class DeletePoint(Request, kw_only=True):
+class DeletePoint(Request, frozen=True, kw_only=True):
     """Delete a control point."""
 
     cord: str
     index: int
 
 
-class SmoothCord(Request, kw_only=True):
+class SmoothCord(Request, frozen=True, kw_only=True):
     """Compute the tangents of a cord from its points."""
 
     cord: str
 
 
-class RenameCord(Request, kw_only=True):
+class RenameCord(Request, frozen=True, kw_only=True):
     """Rename a cord."""
 
     cord: str
     name: str
 
 
-class DeleteCords(Request, kw_only=True):
+class DeleteCords(Request, frozen=True, kw_only=True):
     """Delete cords."""
 
     cords: list[str]
 
 
-class CordResult(Result, kw_only=True):
+class CordResult(Result, frozen=True, kw_only=True):
     """The cord that was added."""
 
     name: str
 
 
-class DuplicateCord(Request, kw_only=True):
+class DuplicateCord(Request, frozen=True, kw_only=True):
     """Add a copy of a cord, a little beside it."""
 
     result: ClassVar[type | None] = CordResult
@@ -212,7 +212,7 @@ class DuplicateCord(Request, kw_only=True):
     cord: str
 
 
-class MirrorCord(Request, kw_only=True):
+class MirrorCord(Request, frozen=True, kw_only=True):
     """Add a copy of a cord that is mirrored at the middle of the body, across an axis."""
 
     result: ClassVar[type | None] = CordResult
@@ -221,33 +221,43 @@ class MirrorCord(Request, kw_only=True):
     axis: Literal["x", "y", "z"]
 
 
-class SetFreedoms(Request, kw_only=True):
+class SetFreedoms(Request, frozen=True, kw_only=True):
     """Set what the optimizer may change of a cord; nothing locks it."""
 
     cord: str
     free: list[Literal["path", "plane", "offset", "ends"]]
 
 
-class AddStraight(Request, kw_only=True):
+class AddStraight(Request, frozen=True, kw_only=True):
     """Add a straight cord along the middle of the body."""
 
     result: ClassVar[type | None] = CordResult
 
 
-class Propose(Request, kw_only=True):
+class Propose(Request, frozen=True, kw_only=True):
     """Search for the cord that lowers the error most, and add it."""
 
     result: ClassVar[type | None] = CordResult
     lane: ClassVar[str] = "search"
 
 
-class PlaneOutline(Result, kw_only=True):
+class ProposalProgress(Event, frozen=True, kw_only=True):
+    """How far the search for another cord is.
+
+    Attributes:
+        share: Completed share, 0 to 1; None when no search runs.
+    """
+
+    share: float | None
+
+
+class PlaneOutline(Result, frozen=True, kw_only=True):
     """The outline of the body in a plane.
 
     Attributes:
         segments: Segments (s, 2, 2) in the plane, mm.
-        low: Smallest coordinates (2,), mm.
-        high: Largest coordinates (2,), mm.
+        low: Smallest coordinates (3,) of the body, along the axes of the plane, mm.
+        high: Largest coordinates (3,), mm.
     """
 
     segments: list[list[list[float]]]
@@ -255,7 +265,7 @@ class PlaneOutline(Result, kw_only=True):
     high: list[float]
 
 
-class OutlineOf(Request, kw_only=True):
+class OutlineOf(Request, frozen=True, kw_only=True):
     """Cut the body's surface with a plane."""
 
     result: ClassVar[type | None] = PlaneOutline
@@ -264,7 +274,7 @@ class OutlineOf(Request, kw_only=True):
     axes: list[list[float]]
 
 
-class AddStroke(Request, kw_only=True):
+class AddStroke(Request, frozen=True, kw_only=True):
     """Add a cord along a stroke in a plane, or replace the path of a cord.
 
     Attributes:
@@ -282,7 +292,7 @@ class AddStroke(Request, kw_only=True):
     replaces: str = ""
 
 
-class Comparison(Result, kw_only=True):
+class Comparison(Result, frozen=True, kw_only=True):
     """Two cords next to each other; see `workflow.design.layout_judge.CordComparison`."""
 
     names: list[str]
@@ -293,7 +303,7 @@ class Comparison(Result, kw_only=True):
     is_redundant: bool
 
 
-class CompareCords(Request, kw_only=True):
+class CompareCords(Request, frozen=True, kw_only=True):
     """Compare two cords of the device."""
 
     result: ClassVar[type | None] = Comparison

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-from ...workflow.view import Event, Problem, Record, Request, Result
+from ...workflow.view import Event, Problem, Record, Request
 
 StepName = Literal["body", "poses", "inside", "sensors", "optimize", "make", "measure"]
 StepState = Literal["done", "stale", "ready", "blocked"]
 Stage = Literal["mesh", "simulate", "optimize", "report"]
 
 
-class Page(Event, kw_only=True):
+class Page(Event, frozen=True, kw_only=True):
     """Which page is shown.
 
     Attributes:
@@ -27,7 +27,7 @@ class Page(Event, kw_only=True):
     version: str
 
 
-class CordState(Record, kw_only=True):
+class CordState(Record, frozen=True, kw_only=True):
     """A cord of the device.
 
     Attributes:
@@ -55,7 +55,7 @@ class CordState(Record, kw_only=True):
     free: list[str]
 
 
-class DeviceState(Event, kw_only=True):
+class DeviceState(Event, frozen=True, kw_only=True):
     """The device as it is now.
 
     Attributes:
@@ -79,7 +79,7 @@ class DeviceState(Event, kw_only=True):
     poses: list[str]
 
 
-class StepStatus(Record, kw_only=True):
+class StepStatus(Record, frozen=True, kw_only=True):
     """One step of the work.
 
     Attributes:
@@ -94,7 +94,7 @@ class StepStatus(Record, kw_only=True):
     text: str
 
 
-class NextAction(Record, kw_only=True):
+class NextAction(Record, frozen=True, kw_only=True):
     """What to do next.
 
     Attributes:
@@ -110,14 +110,14 @@ class NextAction(Record, kw_only=True):
     stage: Stage | None = None
 
 
-class Pipeline(Event, kw_only=True):
+class Pipeline(Event, frozen=True, kw_only=True):
     """The steps of the work, and what to do next."""
 
     steps: list[StepStatus]
     next: NextAction
 
 
-class Job(Event, kw_only=True):
+class Job(Event, frozen=True, kw_only=True):
     """The work in the background, or the last one that has ended.
 
     Attributes:
@@ -139,7 +139,7 @@ class Job(Event, kw_only=True):
     problem: Problem | None = None
 
 
-class Notice(Event, kw_only=True):
+class Notice(Event, frozen=True, kw_only=True):
     """A short message that disappears by itself.
 
     Attributes:
@@ -153,7 +153,7 @@ class Notice(Event, kw_only=True):
     problem: Problem | None = None
 
 
-class ScriptFile(Record, kw_only=True):
+class ScriptFile(Record, frozen=True, kw_only=True):
     """A file that would run.
 
     Attributes:
@@ -167,7 +167,7 @@ class ScriptFile(Record, kw_only=True):
     size: int
 
 
-class Question(Event, kw_only=True):
+class Question(Event, frozen=True, kw_only=True):
     """The question whether the body's script may run.
 
     Attributes:
@@ -179,57 +179,43 @@ class Question(Event, kw_only=True):
     files: list[ScriptFile]
 
 
-class Answer(Request, kw_only=True):
+class Answer(Request, frozen=True, kw_only=True):
     """The answer to the question."""
 
     run: bool
 
 
-class Undo(Request, kw_only=True):
+class Undo(Request, frozen=True, kw_only=True):
     """Undo the last edit."""
 
 
-class Redo(Request, kw_only=True):
+class Redo(Request, frozen=True, kw_only=True):
     """Repeat the edit that was undone last."""
 
 
-class Restore(Request, kw_only=True):
+class Restore(Request, frozen=True, kw_only=True):
     """Replace a device file that cannot be read by the last valid one."""
 
 
-class RenameDevice(Request, kw_only=True):
+class RenameDevice(Request, frozen=True, kw_only=True):
     """Rename the device."""
 
     name: str
 
 
-class StartBuild(Request, kw_only=True):
+class StartBuild(Request, frozen=True, kw_only=True):
     """Build the device up to a stage in the background."""
 
     stage: Stage
 
 
-class PauseJob(Request, kw_only=True):
+class PauseJob(Request, frozen=True, kw_only=True):
     """Pause the job."""
 
 
-class ResumeJob(Request, kw_only=True):
+class ResumeJob(Request, frozen=True, kw_only=True):
     """Continue the job after a pause."""
 
 
-class CancelJob(Request, kw_only=True):
+class CancelJob(Request, frozen=True, kw_only=True):
     """Cancel the job."""
-
-
-class Upload(Request, kw_only=True):
-    """Announce a file, whose parts follow as binary messages that begin with this number.
-
-    It is answered once the whole file is received, or refused.
-
-    Attributes:
-        name: Name of the file.
-        size: Its size in bytes.
-    """
-
-    name: str
-    size: int

@@ -63,7 +63,9 @@ def test_error_table_shows_the_change_during_a_drag():
 
 
 def test_limits_table_lists_numbers_and_violations():
-    thin = LimitViolation("wall-too-thin", "cord 'b' leaves a wall of 0.40 mm", ("b",), 0.4)
+    thin = LimitViolation(
+        "wall-too-thin", "cord 'b' leaves a wall of 0.40 mm", ("b",), 0.4, (0.0, 0.0, 0.0)
+    )
     cords = (
         CordCheck(140.0, np.inf, 2.8, (1.0, 1.5), (), np.zeros((0, 3))),
         CordCheck(90.0, 12.0, 0.4, (1.0, np.inf), (thin,), np.ones((1, 3))),
@@ -76,7 +78,9 @@ def test_limits_table_lists_numbers_and_violations():
 
 
 def test_broken_cords_come_from_the_violations_and_not_from_their_texts():
-    near = LimitViolation("cords-too-close", "the name of c is in this text", ("a", "b"), 1.0)
+    near = LimitViolation(
+        "cords-too-close", "the name of c is in this text", ("a", "b"), 1.0, (0.0, 0.0, 0.0)
+    )
     check = LayoutCheck((), 1.0, (near,), np.zeros((0, 3)))
     assert broken_cords(check) == {"a", "b"}
 

@@ -33,7 +33,7 @@ export interface Protocol {
     | StartBuild
     | Undo
     | Upload;
-  event: DeviceState | Job | Notice | Page | Pipeline | Prediction | Question | Reply;
+  event: DeviceState | Job | Notice | Page | Pipeline | Prediction | ProposalProgress | Question | Reply;
   results: Results;
 }
 /**
@@ -563,6 +563,17 @@ export interface Violation {
   [k: string]: unknown;
 }
 /**
+ * How far the search for another cord is.
+ *
+ *     Attributes:
+ *         share: Completed share, 0 to 1; None when no search runs.
+ */
+export interface ProposalProgress {
+  kind: "proposal-progress";
+  share: number | null;
+  [k: string]: unknown;
+}
+/**
  * The question whether the body's script may run.
  *
  *     Attributes:
@@ -676,8 +687,8 @@ export interface DragResult {
  *
  *     Attributes:
  *         segments: Segments (s, 2, 2) in the plane, mm.
- *         low: Smallest coordinates (2,), mm.
- *         high: Largest coordinates (2,), mm.
+ *         low: Smallest coordinates (3,) of the body, along the axes of the plane, mm.
+ *         high: Largest coordinates (3,), mm.
  */
 export interface PlaneOutline {
   segments: number[][][];

@@ -1,0 +1,1 @@
+"""The studio of a folder as the application of a server."""

@@ -1,0 +1,83 @@
+"""The device's cords as the page gets them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.curve import Hermite, Plane, catmull_rom, sample_path
+from ...core.device.device import FREEDOMS, Sensor
+from ...core.errors import LayoutError
+from ..messages.shell import CordState
+
+#: Colors of cords, distinct for color-blind people (Okabe & Ito 2008; Tol 2021, "bright").
+CORD_COLORS = (
+    "#0072b2",
+    "#e69f00",
+    "#009e73",
+    "#cc79a7",
+    "#56b4e9",
+    "#8f6d00",
+    "#aa3377",
+    "#66ccee",
+)
+_TANGENT_TOLERANCE_MM = 1e-3  # within which tangents count as computed from the points
+
+
+def cord_state(sensor: Sensor, index: int) -> CordState:
+    """Return a cord as the page gets it; its color follows from its index in the device."""
+    plane = sensor.plane
+    return CordState(
+        name=sensor.name,
+        color=CORD_COLORS[index % len(CORD_COLORS)],
+        is_planar=sensor.curve.is_planar,
+        origin=rounded(plane.origin),
+        axes=plane.axes.T.tolist(),
+        points=rounded(sensor.curve.points),
+        tangents=rounded(sensor.curve.tangents),
+        is_smooth=is_smooth(sensor.curve),
+        path=path_points(sensor),
+        free=[word for word in FREEDOMS if word in sensor.free],
+    )
+
+
+def cord_states(sensors: Sequence[Sensor]) -> list[CordState]:
+    """Return cords as the page gets them."""
+    return [cord_state(sensor, k) for k, sensor in enumerate(sensors)]
+
+
+def path_points(sensor: Sensor) -> list[list[float]]:
+    """Return points (p, 3) mm along a cord's path."""
+    return rounded(sample_path(sensor))
+
+
+def is_smooth(curve: Hermite) -> bool:
+    """Return whether the tangents of a curve follow from its points."""
+    return np.allclose(curve.tangents, catmull_rom(curve.points), atol=_TANGENT_TOLERANCE_MM)
+
+
+def plane_of(origin: Sequence[float], axes: Sequence[Sequence[float]]) -> Plane:
+    """Return the plane with an origin (3,) mm, and its x axis, y axis and normal by rows (3, 3).
+
+    Raises:
+        LayoutError: They define no plane.
+    """
+    point, rows = np.asarray(origin, float), np.asarray(axes, float)
+    if point.shape != (3,) or rows.shape != (3, 3):
+        raise _invalid_plane("its origin needs three numbers, and its axes nine")
+    try:
+        return Plane.from_normal(point, rows[2], rows[0])
+    except ValueError as error:
+        raise _invalid_plane(str(error)) from None
+
+
+def rounded(values: Float) -> list:  # type: ignore[type-arg]  # nested as the array is
+    """Return an array as lists of numbers with four decimals."""
+    lists: list = np.round(np.asarray(values, float), 4).tolist()  # type: ignore[type-arg]
+    return lists
+
+
+def _invalid_plane(problem: str) -> LayoutError:
+    return LayoutError(f"this is not a plane: {problem}", code="invalid-plane")

@@ -1,0 +1,1 @@
+"""The steps of the work, each with the requests that it handles."""

@@ -1,0 +1,396 @@
+"""The step Sensors: the user draws cords and drags their points; the expected error follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...core.curve import Hermite, catmull_rom
+from ...core.device.device import Sensor
+from ...core.errors import DefsenseError, DeviceError, LayoutError
+from ...workflow.build.results import has_layout
+from ...workflow.design.draw_cord import Snapper, fit_stroke, plane_section
+from ...workflow.design.layout_judge import JudgedLayout, LayoutCheck, LayoutJudge
+from ...workflow.view import Client, Problem, Request
+from ..edits import cords as edits
+from ..edits.edit import Edit, free_name
+from ..messages import sensors as messages
+from ..session.cord_states import is_smooth, path_points, plane_of, rounded
+from ..session.device_session import DeviceSession
+from ..session.step import Handler, Step
+from ..workbench.latest_worker import LatestWorker
+
+_NOT_SIMULATED = "Simulate the poses to see the expected error"
+_SNAP_DISTANCE = 0.01  # times the body's size
+_STRAIGHT_RADIUS_MM = 1000.0  # a cord with a larger radius is shown as straight
+_MAX_INLET_MM = 1e3  # an inlet that does not leave the body is infinite
+_SHIFT = 0.04  # of a copy from its original, times the body's size
+_MAX_SHOWN_PLACES = 400  # where limits are broken
+_SNAP_TEXTS = {"surface": "surface", "middle": "middle of the body"}
+
+Cords = tuple[Sensor, ...]
+
+
+class SensorsStep(Step):
+    """Edits cords, and predicts their error.
+
+    Args:
+        session: The device.
+        on_violations: Called with whether the drawn cords break a limit.
+
+    Attributes:
+        prediction: What was published last, or None.
+    """
+
+    def __init__(self, session: DeviceSession, on_violations: Callable[[bool], None]) -> None:
+        super().__init__(session)
+        self._on_violations = on_violations
+        self.prediction: messages.Prediction | None = None
+        self._worker = LatestWorker[Cords](self._judge_drawn, session.show_error)
+        self._snapper: tuple[object, Snapper] | None = None
+
+    @property
+    def handlers(self) -> Mapping[type[Request], Handler]:
+        return {
+            messages.DragPoint: self._drag_point,
+            messages.DragTangent: self._drag_tangent,
+            messages.DragPlane: self._drag_plane,
+            messages.InsertPoint: lambda _, r: self._apply(
+                edits.insert_point(r.cord, r.before, np.array(r.at, float))
+            ),
+            messages.DeletePoint: lambda _, r: self._apply(edits.delete_point(r.cord, r.index)),
+            messages.SmoothCord: lambda _, r: self._apply(edits.smooth(r.cord)),
+            messages.RenameCord: lambda _, r: self._apply(
+                edits.rename_cord(r.cord, r.name.strip())
+            ),
+            messages.DeleteCords: lambda _, r: self._apply(_delete(r.cords)),
+            messages.SetFreedoms: lambda _, r: self._apply(edits.set_freedoms(r.cord, r.free)),
+            messages.DuplicateCord: self._duplicate,
+            messages.MirrorCord: self._mirror,
+            messages.AddStraight: self._add_straight,
+            messages.Propose: self._propose,
+            messages.OutlineOf: self._outline,
+            messages.AddStroke: self._add_stroke,
+            messages.CompareCords: self._compare,
+        }
+
+    def on_device_changed(self) -> None:
+        self._snapper = None
+        self._worker.give(self.session.device.sensors)
+
+    def on_build_loaded(self) -> None:
+        self._worker.give(self.session.device.sensors)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until the prediction is up to date; return False after `timeout_s`."""
+        return self._worker.wait(timeout_s)
+
+    def close(self) -> None:
+        self._worker.close()
+
+    # Drags
+
+    def _drag_point(self, _: Client, request: messages.DragPoint) -> messages.DragResult:
+        sensor = self._cord(request.cord)
+        target = np.array(request.to, float)
+        _check_point(sensor, request.index, target)
+        snapped_to = ""
+        if request.snap and sensor.curve.is_planar and self.session.surface is not None:
+            snap = self._snapper_for(sensor).snap(target)
+            target = snap.point
+            snapped_to = _SNAP_TEXTS.get(snap.target or "", snap.cord)
+        moved = with_point(sensor, request.index, target)
+        if request.write:
+            self._apply(
+                edits.move_point(sensor.name, request.index, moved.curve.points[request.index])
+            )
+        return self._judge_drag(moved, snapped_to)
+
+    def _drag_tangent(self, _: Client, request: messages.DragTangent) -> messages.DragResult:
+        sensor = self._cord(request.cord)
+        target = np.array(request.to, float)
+        _check_point(sensor, request.index, target)
+        tangents = sensor.curve.tangents.copy()
+        tangents[request.index] = target
+        moved = replace(sensor, curve=Hermite(sensor.curve.points, tangents))
+        if request.write:
+            self._apply(edits.bend_at(sensor.name, request.index, moved.curve))
+        return self._judge_drag(moved)
+
+    def _drag_plane(self, _: Client, request: messages.DragPlane) -> messages.DragResult:
+        sensor = self._cord(request.cord)
+        moved = replace(sensor, plane=plane_of(request.origin, request.axes))
+        if request.write:
+            self._apply(edits.set_plane(sensor.name, moved.plane))
+        return self._judge_drag(moved)
+
+    def _judge_drag(self, sensor: Sensor, snapped_to: str = "") -> messages.DragResult:
+        cords = tuple(sensor if s.name == sensor.name else s for s in self.session.device.sensors)
+        judgement, problem = None, None
+        if self.session.judge is not None:
+            judgement, problem = judge(self.session.judge, cords, quick=True)
+        return messages.DragResult(
+            points=rounded(sensor.curve.points),
+            tangents=rounded(sensor.curve.tangents),
+            path=path_points(sensor),
+            snapped_to=snapped_to,
+            judgement=judgement,
+            problem=problem,
+        )
+
+    def _snapper_for(self, sensor: Sensor) -> Snapper:
+        surface = self.session.surface
+        assert surface is not None
+        key = (surface, sensor.name)
+        if self._snapper is None or self._snapper[0] != key:
+            others = [s for s in self.session.device.sensors if s.name != sensor.name]
+            distance = _SNAP_DISTANCE * self.session.size
+            self._snapper = key, Snapper(surface, sensor.plane, others, distance)
+        return self._snapper[1]
+
+    # Edits
+
+    def _apply(self, edit: Edit) -> None:
+        self.session.apply(edit)
+
+    def _duplicate(self, _: Client, request: messages.DuplicateCord) -> messages.CordResult:
+        sensor = self._cord(request.cord)
+        shift = _SHIFT * self.session.size
+        if sensor.curve.is_planar:
+            plane = replace(sensor.plane, origin=sensor.plane.origin + shift * sensor.plane.normal)
+            copy = replace(sensor, plane=plane)
+        else:
+            points = sensor.curve.points + np.array([0.0, 0.0, shift])
+            copy = replace(sensor, curve=Hermite(points, sensor.curve.tangents))
+        return self._add(replace(copy, name=self._free_name(sensor.name)))
+
+    def _mirror(self, _: Client, request: messages.MirrorCord) -> messages.CordResult:
+        sensor, vertices = self._cord(request.cord), self._vertices()
+        middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        name = self._free_name(f"{sensor.name}-mirrored")
+        normal = np.eye(3)["xyz".index(request.axis)]
+        self._apply(edits.mirror_cord(sensor.name, name, middle, normal))
+        return messages.CordResult(name=name)
+
+    def _add_straight(self, _: Client, __: messages.AddStraight) -> messages.CordResult:
+        return self._add(self._judge().new_cord(self._free_name("cord")))
+
+    def _propose(self, client: Client, _: messages.Propose) -> messages.CordResult:
+        judge_, sensors = self._judge(), self.session.device.sensors
+        jobs = self.session.jobs
+
+        def report(share: float, _: str) -> None:
+            if not client.is_open:
+                raise LayoutError("the page was closed", code="cancelled")
+            client.send(messages.ProposalProgress(share=share))
+
+        if jobs.is_running:
+            raise DefsenseError(
+                "another job is running", code="job-running", action="Wait until it ends"
+            )
+        try:
+            cord = judge_.propose(self._free_name("cord"), sensors, report)
+        finally:
+            client.send(messages.ProposalProgress(share=None))
+        # The name may have been taken meanwhile.
+        return self._add(replace(cord, name=self._free_name("cord")))
+
+    def _outline(self, _: Client, request: messages.OutlineOf) -> messages.PlaneOutline:
+        plane, vertices = plane_of(request.origin, request.axes), self._vertices()
+        assert self.session.surface is not None
+        local = (vertices - plane.origin) @ plane.axes
+        return messages.PlaneOutline(
+            segments=rounded(plane_section(self.session.surface, plane)),
+            low=rounded(local.min(axis=0)),
+            high=rounded(local.max(axis=0)),
+        )
+
+    def _add_stroke(self, _: Client, request: messages.AddStroke) -> messages.CordResult:
+        self._vertices()
+        plane = plane_of(request.origin, request.axes)
+        stroke = np.array(request.stroke, float).reshape(-1, 2)
+        assert self.session.surface is not None
+        curve = fit_stroke(self.session.surface, plane, stroke)
+        if not request.replaces:
+            cord = Sensor(self._free_name("cord"), plane, curve, frozenset({"path"}))
+            return self._add(cord)
+        sensor = self._cord(request.replaces)
+        if not (sensor.curve.is_planar and sensor.plane.coincides(plane)):
+            raise LayoutError(
+                f"the stroke is not in the plane of {sensor.name!r}",
+                code="other-plane",
+                action="Draw in the plane of the cord",
+            )
+        points = (plane.to_world(curve.points) - sensor.plane.origin) @ sensor.plane.axes
+        tangents = curve.tangents @ plane.axes[:, :2].T @ sensor.plane.axes
+        self._apply(edits.set_path(sensor.name, Hermite(points[:, :2], tangents[:, :2])))
+        return messages.CordResult(name=sensor.name)
+
+    def _compare(self, _: Client, request: messages.CompareCords) -> messages.Comparison:
+        judge_, sensors = self._judge(), self.session.device.sensors
+        names = self._cord(request.first).name, self._cord(request.second).name
+        judged = judge_.judge(sensors, quick=True)
+        assert judged is not None  # there are two cords
+        found = judge_.compare(sensors, judged, names)
+        return messages.Comparison(
+            names=list(found.names),
+            errors_without=list(found.errors_without),
+            error=found.error,
+            largest_signals=list(found.largest_signals),
+            correlation=found.correlation,
+            is_redundant=found.is_redundant,
+        )
+
+    def _add(self, cord: Sensor) -> messages.CordResult:
+        self._apply(edits.add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free)))
+        return messages.CordResult(name=cord.name)
+
+    def _free_name(self, name: str) -> str:
+        return free_name(name, [s.name for s in self.session.device.sensors])
+
+    def _cord(self, name: str) -> Sensor:
+        for sensor in self.session.device.sensors:
+            if sensor.name == name:
+                return sensor
+        raise DeviceError(
+            f"there is no cord {name!r} any more", code="not-in-device", table="sensor", name=name
+        )
+
+    def _judge(self) -> LayoutJudge:
+        if self.session.judge is None:
+            raise LayoutError(
+                "the poses are not simulated yet",
+                code="not-simulated",
+                action="Simulate the poses first",
+            )
+        return self.session.judge
+
+    def _vertices(self) -> Any:
+        if self.session.surface is None:
+            raise LayoutError("there is no body yet", code="no-body", action="Make the body first")
+        return self.session.surface.vertices
+
+    # Prediction, on the thread of the worker
+
+    def _judge_drawn(self, sensors: Cords) -> None:
+        judge_ = self.session.judge
+        if judge_ is None:
+            self._publish(is_ready=False, text=_NOT_SIMULATED)
+            return
+        quick, problem = judge(judge_, sensors, quick=True)
+        self._publish(drawn=quick, drawn_problem=problem, is_computing=bool(sensors))
+        if sensors and self._worker.pending is None:
+            full, problem = judge(judge_, sensors, quick=False)
+            self._publish(drawn=full, drawn_problem=problem)
+
+    def _publish(self, **values: Any) -> None:
+        built, is_drawn = self._built()
+        defaults = {"is_ready": True, "text": "", "is_computing": False}
+        self.prediction = messages.Prediction(
+            **{**defaults, "built": built, "is_built_drawn": is_drawn, **values}
+        )
+        self.session.server.publish(self.prediction)
+        drawn = self.prediction.drawn
+        self._on_violations(drawn is not None and bool(drawn.violations))
+
+    def _built(self) -> tuple[float | None, bool]:
+        """Return the error of the built cords, and whether they are the drawn ones."""
+        results = self.session.results
+        if not has_layout(results):
+            return None, False
+        try:
+            layout = results.layout
+        except (DefsenseError, OSError):  # a build replaces it, or it is damaged
+            return None, False
+        built = [(c.name, rounded(c.sensor().curve.points)) for c in layout.by_channel()]
+        drawn = [(s.name, rounded(s.curve.points)) for s in self.session.device.sensors]
+        return layout.prediction.unseen, sorted(built) == sorted(drawn)
+
+
+def judge(
+    judge_: LayoutJudge, sensors: Sequence[Sensor], *, quick: bool
+) -> tuple[messages.Judgement, Problem | None]:
+    """Return what is expected of cords, and why no error can be predicted, if so."""
+    check = judge_.check(sensors) if sensors else LayoutCheck((), None, (), np.zeros((0, 3)))
+    problem, judged = None, None
+    try:
+        judged = judge_.judge(sensors, quick=quick)
+    except LayoutError as error:
+        problem = Problem.of(error)
+    return _judgement(sensors, judged, check), problem
+
+
+def _judgement(
+    sensors: Sequence[Sensor], judged: JudgedLayout | None, check: LayoutCheck
+) -> messages.Judgement:
+    places = check.broken[:: len(check.broken) // _MAX_SHOWN_PLACES + 1]
+    return messages.Judgement(
+        error=None if judged is None else judged.error,
+        trained=None if judged is None else judged.trained,
+        decoder="" if judged is None else judged.decoder,
+        poses=[]
+        if judged is None
+        else [
+            messages.PoseError(pose=pose, error=mm, signals=rounded(judged.pose_signals[pose]))
+            for pose, mm in judged.pose_errors.items()
+        ],
+        cords=[
+            messages.CordNumbers(
+                name=sensor.name,
+                length=numbers.length + sum(x for x in numbers.inlets if x < _MAX_INLET_MM),
+                radius=None if numbers.min_radius >= _STRAIGHT_RADIUS_MM else numbers.min_radius,
+                wall=numbers.min_wall,
+            )
+            for sensor, numbers in zip(sensors, check.cords, strict=True)
+        ],
+        violations=[
+            messages.Violation(code=v.code, text=str(v), cords=list(v.cords), at=list(v.at))
+            for v in check.violations
+        ],
+        broken=rounded(places),
+    )
+
+
+def with_point(sensor: Sensor, index: int, point: Any) -> Sensor:
+    """Return the cord with a control point moved to `point` (2,) or (3,) mm.
+
+    Tangents that were computed from the points are computed again.
+    """
+    points, tangents = sensor.curve.points.copy(), sensor.curve.tangents
+    points[index] = point
+    if is_smooth(sensor.curve):
+        tangents = catmull_rom(points)
+    return replace(sensor, curve=Hermite(points, tangents))
+
+
+def _check_point(sensor: Sensor, index: int, point: Any) -> None:
+    count, size = sensor.curve.points.shape
+    if not 0 <= index < count:
+        raise DeviceError(
+            f"{sensor.name!r} no longer has a control point {index + 1}; it has {count}",
+            code="no-control-point",
+            cord=sensor.name,
+            number=index + 1,
+            count=count,
+        )
+    if point.shape != (size,) or not np.isfinite(point).all():
+        raise DeviceError(
+            f"{sensor.name!r} needs {size} finite coordinates for a point",
+            code="invalid-point",
+            cord=sensor.name,
+        )
+
+
+def _delete(names: Sequence[str]) -> Edit:
+    """Return the edit that deletes cords in one step."""
+    parts = [edits.remove_cord(name) for name in names]
+
+    def change(document: Any) -> None:
+        for part in parts:
+            part.change(document)
+
+    listed = ", ".join(f"`{name}`" for name in names)
+    return Edit(f"delete {listed}", change)

@@ -1,0 +1,91 @@
+"""What belongs to no step: the device's state, undo, builds, and the pipeline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...workflow.train.training import MODEL
+from ...workflow.view import Request
+from ..edits.body import rename_device
+from ..messages import shell
+from ..session.cord_states import cord_states
+from ..session.pipeline import Progress, pipeline
+from ..session.step import Handler, Step
+
+
+class ShellStep(Step):
+    """Publishes the device and the pipeline, and handles undo and builds.
+
+    Attributes:
+        has_violations: Whether the drawn cords break a limit; set by the step Sensors.
+    """
+
+    has_violations = False
+
+    @property
+    def handlers(self) -> Mapping[type[Request], Handler]:
+        session, project, jobs = self.session, self.session.project, self.session.jobs
+
+        def handler(action: Any) -> Handler:
+            return lambda _, __: (action(), None)[1]
+
+        return {
+            shell.Undo: handler(project.undo),
+            shell.Redo: handler(project.redo),
+            shell.Restore: handler(project.restore),
+            shell.PauseJob: handler(jobs.pause),
+            shell.ResumeJob: handler(jobs.resume),
+            shell.CancelJob: handler(jobs.cancel),
+            shell.StartBuild: lambda _, request: session.build(request.stage),
+            shell.Answer: lambda _, request: session.answer(run=request.run),
+            shell.RenameDevice: lambda _, request: session.apply(
+                rename_device(request.name.strip())
+            ),
+        }
+
+    def on_device_changed(self) -> None:
+        session, device = self.session, self.session.device
+        session.server.publish(
+            shell.DeviceState(
+                name=device.name,
+                undo_name=session.project.undo_name or "",
+                redo_name=session.project.redo_name or "",
+                noun=device.cord.noun,
+                cord_radius=device.cord.diameter / 2,
+                cords=cord_states(device.sensors),
+                regions=list(device.regions),
+                poses=[pose.name for pose in device.poses],
+            )
+        )
+        self.publish_pipeline()
+
+    def on_build_loaded(self) -> None:
+        self.publish_pipeline()
+
+    def on_freshness(self) -> None:
+        self.publish_pipeline()
+
+    def show_violations(self, has_violations: bool) -> None:
+        """Follow whether the drawn cords break a limit."""
+        if has_violations != self.has_violations:
+            self.has_violations = has_violations
+            self.publish_pipeline()
+
+    def publish_pipeline(self) -> None:
+        """Publish the state of the steps, and what to do next."""
+        session, device = self.session, self.session.device
+        session.server.publish(
+            pipeline(
+                Progress(
+                    freshness=session.freshness,
+                    has_body=session.surface is not None,
+                    poses=len(device.poses),
+                    cords=len(device.sensors),
+                    proposed=device.propose,
+                    has_violations=self.has_violations,
+                    noun=device.cord.noun,
+                    has_model=(session.project.folder / MODEL).exists(),
+                )
+            )
+        )
