@@ -81,6 +81,7 @@ export function BodyForm({ body }: { body: UploadedBody }) {
           onCommit={(chosen) => void (material.value = chosen)}
         />
         <NumberField
+          key={body.scale}
           label="Edge length of the mesh"
           layout="stack"
           unit="mm"

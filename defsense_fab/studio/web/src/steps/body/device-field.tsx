@@ -9,6 +9,8 @@ import { SelectField } from "../../ui/select-field";
 import { OptionalField } from "./optional-field";
 
 const UNSET = "";
+/** Longest default in words that a field has room for. */
+const MAX_PLACEHOLDER_LENGTH = 14;
 
 /** A field with its description and, if it is set, a button that resets it. */
 export function DeviceFieldRow({ field }: { field: DeviceField }) {
@@ -51,7 +53,7 @@ function Control({ field }: { field: DeviceField }) {
         unit={unit}
         isText={kind === "text"}
         value={typeof value === "boolean" ? null : value}
-        placeholder={defaultText(field, false)}
+        placeholder={shortDefault(field)}
         range={{
           ...(field.low !== null && (field.isLowOpen ? { above: field.low } : { min: field.low })),
           ...(field.high !== null && !field.isHighOpen && { max: field.high }),
@@ -68,7 +70,7 @@ function Control({ field }: { field: DeviceField }) {
           { value: "false", label: "No" },
         ]
       : choices.map((choice) => ({ value: choice, label: choice }));
-  const unset = { value: UNSET, label: `Default (${defaultText(field) || "automatic"})` };
+  const unset = { value: UNSET, label: `${shortDefault(field)} (default)` };
   return (
     <SelectField
       label={label}
@@ -90,4 +92,10 @@ function defaultText(field: DeviceField, hasUnit = true): string {
   }
   if (typeof value === "boolean") return value ? "yes" : "no";
   return value ?? words;
+}
+
+/** The default in a word, where there is little room. */
+function shortDefault(field: DeviceField): string {
+  const text = defaultText(field, false);
+  return text !== "" && text.length <= MAX_PLACEHOLDER_LENGTH ? text : "automatic";
 }
