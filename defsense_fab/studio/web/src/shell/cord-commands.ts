@@ -105,6 +105,7 @@ export const cordCommands = (): readonly Command[] => [
     label: "Delete",
     group: "Cords",
     shortcut: "Delete",
+    otherShortcut: "Backspace",
     when: hasSome,
     run: () => void deleteCords(selectedCords()),
   },

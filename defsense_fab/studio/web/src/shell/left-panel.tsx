@@ -6,16 +6,19 @@ import { run } from "../state/run";
 import {
   BODY,
   type Item,
+  type ItemKind,
   followRename,
   hovered,
   isHidden,
   isHovered,
   isSelected,
   select,
+  selectedNames,
   toggleHidden,
 } from "../state/selection";
-import type { IconName } from "../ui/icons";
+import { STEP_LABELS, type StepName, enterStep } from "../state/step";
 import { IconButton } from "../ui/button";
+import type { IconName } from "../ui/icons";
 import { openContextMenuFor } from "../ui/menu";
 import { Tree, type TreeNode } from "../ui/tree";
 import { cordMenu, deleteCords, isLocked, setLocked } from "./cord-commands";
@@ -23,7 +26,13 @@ import { cordMenu, deleteCords, isLocked, setLocked } from "./cord-commands";
 /** The tree of all that the device consists of. */
 export function LeftPanel() {
   return (
-    <aside class="left-panel" aria-label="Device">
+    <aside
+      class="left-panel"
+      aria-label="Device"
+      onKeyDown={(event) => {
+        if (event.key === "Escape" && isDrawerOpen.value) isDrawerOpen.value = false;
+      }}
+    >
       {isPhone.value && (
         <header class="panel-header">
           <h2>Device</h2>
@@ -55,7 +64,17 @@ function group(id: string, label: string, children: TreeNode[]): TreeNode {
   return { id, label, children, count: children.length };
 }
 
+/** The step where items of a kind are edited. */
+const STEP_OF_KIND: Record<ItemKind, StepName> = {
+  cord: "sensors",
+  pose: "poses",
+  region: "poses",
+  part: "body",
+};
+
 function itemNode(item: Item, icon: IconName): TreeNode {
+  const home = STEP_OF_KIND[item.kind];
+  const open = () => enterStep(home);
   return {
     id: `${item.kind}:${item.name}`,
     label: item.name,
@@ -65,6 +84,14 @@ function itemNode(item: Item, icon: IconName): TreeNode {
     isDimmed: isHidden(item),
     onSelect: (isAdded) => select(item, isAdded),
     onHover: (isOver) => (hovered.value = isOver ? item : null),
+    onOpen: open,
+    onMenu: (event) => {
+      if (!isSelected(item)) select(item);
+      const label = `Open in ${STEP_LABELS[home]}`;
+      openContextMenuFor(event, `Actions for ${item.name}`, [
+        { id: "open", label, icon: "arrowRight", run: open },
+      ]);
+    },
   };
 }
 
@@ -98,7 +125,7 @@ function cordNode({ name, color, free }: CordState): TreeNode {
       const answer = await run(connection.send("rename-cord", { cord: name, name: to }));
       if (answer !== undefined) followRename(item, to);
     },
-    onDelete: () => void deleteCords([name]),
+    onDelete: () => void deleteCords(isSelected(item) ? selectedNames("cord") : [name]),
     onMenu: (event) => {
       if (!isSelected(item)) select(item);
       openContextMenuFor(event, `Actions for ${name}`, cordMenu());

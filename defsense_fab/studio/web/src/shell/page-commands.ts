@@ -24,6 +24,7 @@ export const pageCommands = (): readonly Command[] => [
     label: "Redo",
     group: "Edit",
     shortcut: "Mod+Shift+Z",
+    otherShortcut: "Mod+Y",
     when: () => Boolean(device.value?.redoName),
     run: () => void run(connection.send("redo", {})),
   },

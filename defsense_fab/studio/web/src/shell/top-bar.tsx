@@ -18,6 +18,7 @@ export function TopBar() {
   const panel = isPhone.value ? isDrawerOpen : isLeftPanelOpen;
   return (
     <header class="top-bar">
+      <h1 class="visually-hidden">{device.value?.name}</h1>
       <div class="top-start">
         <IconButton
           icon="sidebar"

@@ -9,6 +9,8 @@ import { Keys } from "./tooltip";
 export const isPaletteOpen = signal(false);
 export const isKeyHelpOpen = signal(false);
 
+const LAST_GROUPS = ["Steps", "View", "Help"];
+
 /** How well a command fits a query: lower is better, null for not at all. */
 function fit({ label, group }: Command, query: string): number | null {
   const text = `${label} ${group}`.toLowerCase();
@@ -115,7 +117,9 @@ function OpenPalette() {
 export function KeyHelp() {
   if (!isKeyHelpOpen.value) return null;
   const withKeys = commands.value.filter(({ shortcut }) => shortcut);
-  const groups = [...new Set(withKeys.map(({ group }) => group))];
+  const groups = [...new Set(withKeys.map(({ group }) => group))].sort(
+    (a, b) => LAST_GROUPS.indexOf(a) - LAST_GROUPS.indexOf(b),
+  );
   return (
     <Dialog title="Keyboard shortcuts" size="large" onClose={() => (isKeyHelpOpen.value = false)}>
       <div class="key-groups">

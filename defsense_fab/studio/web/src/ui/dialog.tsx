@@ -58,6 +58,8 @@ interface Confirmation {
   text: string;
   /** Label of the button that does it. */
   action: string;
+  /** Label of the button that does not. */
+  refusal?: string;
   isDanger?: boolean;
 }
 
@@ -79,7 +81,7 @@ export function confirm(confirmation: Confirmation): Promise<boolean> {
 export function ConfirmLayer() {
   const current = asked.value;
   if (!current) return null;
-  const { title, text, action, isDanger, answer } = current;
+  const { title, text, action, refusal = "Cancel", isDanger, answer } = current;
   return (
     <Dialog
       title={title}
@@ -88,7 +90,7 @@ export function ConfirmLayer() {
       actions={
         <>
           <Button onClick={() => answer(false)} autofocus>
-            Keep
+            {refusal}
           </Button>
           <Button variant={isDanger ? "danger" : "primary"} onClick={() => answer(true)}>
             {action}

@@ -1,9 +1,9 @@
 // What all fields have in common: a label, an error below it, and a commit that may be refused.
+import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useId } from "preact/hooks";
 import type { Problem } from "../protocol/messages";
 import { attempt, useFieldProblem } from "../state/run";
-import { useSignal } from "@preact/signals";
 import { Icon } from "./icons";
 
 export interface FieldProps<T> {
@@ -24,8 +24,8 @@ interface FieldState {
   /** Identifiers of the texts that describe the control. */
   describedBy: string | undefined;
   setError: (text: string) => void;
-  /** Send a value that was typed as `text`; its refusal becomes the field's error. */
-  send: (request: Promise<unknown> | void, text: string) => Promise<void>;
+  /** Wait for a value that was typed as `text`; its refusal becomes the field's error. */
+  send: (request: Promise<unknown> | void, text?: string) => Promise<void>;
 }
 
 /** The error of a field and its identifiers. */
@@ -38,7 +38,7 @@ export function useField(label: string, key: string | undefined, help?: string):
     own.value = text;
     problem.value = null;
   };
-  const send = async (request: Promise<unknown> | void, text: string) => {
+  const send = async (request: Promise<unknown> | void, text = "") => {
     setError("");
     if (request) await attempt(request, (refused) => setError(describe(refused, label, text)));
   };
