@@ -19,7 +19,7 @@ import {
 import { STEP_LABELS, type StepName, enterStep } from "../state/step";
 import { IconButton } from "../ui/button";
 import type { IconName } from "../ui/icons";
-import { openContextMenuFor } from "../ui/menu";
+import { commandEntry, openContextMenuFor } from "../ui/menu";
 import { Tree, type TreeNode } from "../ui/tree";
 import { cordMenu, deleteCords, isLocked, setLocked } from "./cord-commands";
 
@@ -54,7 +54,7 @@ function nodes(): TreeNode[] {
   const sensors = `${noun[0]!.toUpperCase()}${noun.slice(1)}s`;
   return [
     { ...itemNode(BODY, "make"), label: "Body", buttons: [eye(BODY, "body")] },
-    group("regions", "Regions", regions.map((name) => itemNode({ kind: "region", name }, "region"))),
+    group("regions", "Regions", regions.map(regionNode)),
     group("poses", "Poses", poses.map((name) => itemNode({ kind: "pose", name }, "pose"))),
     group("cords", sensors, cords.map(cordNode)),
   ];
@@ -90,9 +90,15 @@ function itemNode(item: Item, icon: IconName): TreeNode {
       const label = `Open in ${STEP_LABELS[home]}`;
       openContextMenuFor(event, `Actions for ${item.name}`, [
         { id: "open", label, icon: "arrowRight", run: open },
+        ...(item.kind === "pose" ? [] : commandEntry("hide", "eye")),
       ]);
     },
   };
+}
+
+function regionNode(name: string): TreeNode {
+  const item: Item = { kind: "region", name };
+  return { ...itemNode(item, "region"), buttons: [eye(item, name)] };
 }
 
 function eye(item: Item, label: string) {

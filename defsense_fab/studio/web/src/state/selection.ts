@@ -1,4 +1,4 @@
-// What is selected, hovered and hidden in this browser.
+// The selected, hovered and hidden items of this browser.
 import { effect, signal } from "@preact/signals";
 import { device } from "./connection";
 

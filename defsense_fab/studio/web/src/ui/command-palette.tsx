@@ -68,7 +68,7 @@ function OpenPalette() {
   };
 
   return (
-    <Dialog title="Commands" isTitleHidden onClose={close}>
+    <Dialog title="Commands" isTitleHidden closesOutside onClose={close}>
       <div class="palette">
         <div class="palette-search">
           <Icon name="search" />
@@ -121,7 +121,12 @@ export function KeyHelp() {
     (a, b) => LAST_GROUPS.indexOf(a) - LAST_GROUPS.indexOf(b),
   );
   return (
-    <Dialog title="Keyboard shortcuts" size="large" onClose={() => (isKeyHelpOpen.value = false)}>
+    <Dialog
+      title="Keyboard shortcuts"
+      size="large"
+      closesOutside
+      onClose={() => (isKeyHelpOpen.value = false)}
+    >
       <div class="key-groups">
         {groups.map((group) => (
           <table key={group} class="key-table">

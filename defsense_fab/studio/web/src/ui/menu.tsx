@@ -1,4 +1,4 @@
-// Menus: one that a button opens, and one at a point for what is under the pointer.
+// Menus: those of buttons, and context menus at the pointer.
 import { signal } from "@preact/signals";
 import * as zagMenu from "@zag-js/menu";
 import { normalizeProps, useMachine } from "@zag-js/preact";

@@ -15,7 +15,7 @@ export interface TreeNode {
   color?: string;
   /** Number at the right of a group. */
   count?: number;
-  /** What is wrong with it; shown as a red mark. */
+  /** A broken limit, shown as a red mark. */
   problem?: string;
   isDimmed?: boolean;
   isSelected?: boolean;
