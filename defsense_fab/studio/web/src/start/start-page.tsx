@@ -1,3 +1,4 @@
+import { PageMenu } from "../shell/page-menu";
 import { device } from "../state/connection";
 import { canReturn, showDevice } from "../state/step";
 import { Button } from "../ui/button";
@@ -8,7 +9,6 @@ import "./follow-device";
 import { Gallery } from "./gallery";
 import { IntroductionOffer } from "./introduction-offer";
 import { RecentDeviceList, recentDevices } from "./recent-devices";
-import { ThemeMenu } from "./theme-menu";
 import "./start.css";
 import { uploadedBody } from "./upload";
 
@@ -25,7 +25,7 @@ export function StartPage() {
             Back to {device.value?.name ?? "the device"}
           </Button>
         )}
-        <ThemeMenu />
+        <PageMenu />
       </header>
       <main class="start-content">
         <IntroductionOffer />
