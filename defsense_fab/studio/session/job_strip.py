@@ -94,6 +94,7 @@ class JobStrip:
                     state="running",
                     message="Starting",
                     can_pause=work.can_pause,
+                    gives_way=work.gives_way,
                 )
             )
             background.start(work.job, *work.arguments)

@@ -185,7 +185,7 @@ def test_tables_that_a_program_makes_can_be_checked():
         parse_document("share = 2", Path("x.toml")).read(Checked)
 
 
-@pytest.mark.parametrize(("value", "digits"), [(-5, "-5"), (-0.00012345678, "-0.00012345678")])
+@pytest.mark.parametrize(("value", "digits"), [(-5, "-5"), (-0.000012345678, "-0.000012345678")])
 def test_one_value_is_checked_and_named_with_all_its_digits(value, digits):
     load = field(Cart, "load")
     check_value(load, 1.5, DeviceError, "cart.toml: load", "load")

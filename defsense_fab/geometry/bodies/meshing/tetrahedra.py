@@ -381,7 +381,7 @@ def check_edge_length(surface: Surface, edge_length: float) -> None:
     extents = np.ptp(surface.bounds, axis=0)
     if edge_length < 1e-4 * np.linalg.norm(extents) or count_tets(surface, edge_length) > 2e6:
         raise MeshingError(
-            f"{exact(edge_length)} mm gives more than 2e6 tets",
+            f"{exact(edge_length)} mm gives more than 2 million tetrahedra",
             code="edge-too-short",
             where="device.toml: mesh.edge_length",
             action=f"Use {(8.5 * surface.volume / 1e5) ** (1 / 3):.2g} mm or more",

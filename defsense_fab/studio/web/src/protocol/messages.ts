@@ -832,6 +832,7 @@ export interface MaterialChoice {
  *         share: Completed share, 0 to 1.
  *         message: What it does now, in words.
  *         can_pause: Whether it can be paused.
+ *         gives_way: Whether it is canceled when another job is started.
  *         problem: Why it failed, or None.
  */
 export interface Job {
@@ -842,6 +843,7 @@ export interface Job {
   share: number;
   message: string;
   canPause: boolean;
+  givesWay: boolean;
   problem: Problem | null;
   [k: string]: unknown;
 }

@@ -7,29 +7,32 @@ import { connection } from "../state/connection";
 const WIDTH = 320;
 const HEIGHT = 200;
 /** Time without a new frame after which a picture is taken, ms. */
-const REST_MS = 4000;
-/** Smallest time between two pictures, ms. */
+const REST_MS = 3000;
+/** Smallest time between two pictures of a scene that stays open, ms. */
 const INTERVAL_MS = 60_000;
-
-let takenAt = -Infinity;
 
 effect(() => {
   const shown = viewer.value;
   if (!shown) return undefined;
   let timer: ReturnType<typeof setTimeout> | undefined;
+  let takenAt = -Infinity;
+  const keep = () => {
+    takenAt = performance.now();
+    take(shown);
+  };
   const stop = shown.onFrame(() => {
     clearTimeout(timer);
-    if (performance.now() - takenAt > INTERVAL_MS) timer = setTimeout(() => take(shown), REST_MS);
+    if (performance.now() - takenAt > INTERVAL_MS) timer = setTimeout(keep, REST_MS);
   });
   return () => {
     clearTimeout(timer);
     stop();
+    keep(); // the scene is left, and still exists
   };
 });
 
 function take(shown: Viewer): void {
   if (shown.body.isEmpty || document.hidden || !connection.isOpen.value) return;
-  takenAt = performance.now();
   const canvas = document.createElement("canvas");
   [canvas.width, canvas.height] = [WIDTH, HEIGHT];
   const { renderer, scene, rig } = shown;

@@ -17,7 +17,7 @@ export function ParameterField({ parameter }: { parameter: Parameter }) {
   const { name, isSet, unit } = parameter;
   const defaultText = inWords(parameter.default, unit);
   return (
-    <div class="field-row">
+    <div class="field-row parameters">
       <Control parameter={parameter} />
       <span class="field-buttons">
         {isSet && parameter.default !== null && parameter.value !== parameter.default && (
