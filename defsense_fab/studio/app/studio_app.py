@@ -8,11 +8,13 @@ from typing import Any
 
 from ...core.device.device_file import DEVICE
 from ...core.errors import DefsenseError, StorageError
+from ...core.storage.files import write_text
 from ...core.version import __version__
 from ...workflow.view import Client, Download, Event, Problem, Request, WebServer
 from ..messages.catalogue import DECODER
-from ..messages.shell import Page
+from ..messages.shell import Page, Restore
 from ..project.agreement import Agreement
+from ..project.history import last_valid_text
 from ..project.project import Project
 from .device_app import DeviceApp
 from .start_app import StartApp
@@ -131,9 +133,12 @@ class StudioApp:
         handler = self._start_handlers.get(type(request))
         if handler is not None:
             return handler(client, request)
-        if self.device is None:
-            raise DefsenseError("no device is open", code="no-device")
-        return self.device.handle(client, request)
+        if self.device is not None:
+            return self.device.handle(client, request)
+        if isinstance(request, Restore):
+            self._restore()
+            return None
+        raise DefsenseError("no device is open", code="no-device")
 
     def receive(self, client: Client, name: str, content: bytes) -> None:
         self.start.receive(client, name, content)
@@ -146,6 +151,18 @@ class StudioApp:
         with self._lock:
             if self.device is not None:
                 self.device.close()
+
+    def _restore(self) -> None:
+        """Replace a device file that cannot be read by that of the last applied edit."""
+        text = last_valid_text(self.folder)
+        if text is None:
+            raise DefsenseError(
+                "there is no earlier file of this device",
+                code="nothing-to-restore",
+                action="Fix the file in an editor",
+            )
+        write_text(self.folder / DEVICE, text)
+        self.poll()
 
     def _open_device(self) -> None:
         try:

@@ -409,6 +409,25 @@ def test_an_invalid_device_is_shown_as_an_error_until_it_is_fixed(open_studio, t
     assert screen(app) == "device"
 
 
+def test_a_device_that_cannot_be_read_is_restored_from_its_history(open_studio, tmp_path):
+    folder = write_device(tmp_path / "grip")
+    open_studio(folder).browser.ask("rename-device", name="Handle")
+    (folder / "device.toml").write_text("name =")
+    app = open_studio(folder)
+    assert screen(app) == "broken"
+    app.browser.ask("restore")
+    assert (screen(app), name_of(app)) == ("device", "Handle")
+
+
+def test_without_a_history_nothing_is_restored(open_studio, tmp_path):
+    folder = write_device(tmp_path / "grip")
+    (folder / "device.toml").write_text("name =")
+    app = open_studio(folder)
+    with raises(DefsenseError, "nothing-to-restore"):
+        app.browser.ask("restore")
+    assert (folder / "device.toml").read_text() == "name ="
+
+
 def test_a_file_is_not_a_folder(tmp_path):
     (tmp_path / "x").touch()
     with raises(StorageError, "not-a-folder"):

@@ -75,7 +75,7 @@ export function OptionalField(props: OptionalFieldProps) {
           onBlur={() => void commit()}
           onKeyDown={(event) => {
             if (event.key === "Enter") void commit();
-            else if (event.key === "Escape" && typed.value !== null) {
+            else if (event.key === "Escape" && (typed.value !== null || state.error)) {
               event.preventDefault();
               event.stopPropagation();
               typed.value = null;
