@@ -47,10 +47,6 @@ export class HandleButton {
     viewer.overlay.append(element);
   }
 
-  get isBusy(): boolean {
-    return this.isDragged;
-  }
-
   setName(name: string): void {
     if (this.element.ariaLabel !== name) this.element.ariaLabel = name;
   }

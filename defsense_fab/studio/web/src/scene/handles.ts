@@ -47,8 +47,10 @@ export class CordHandles {
     this.stopListening = viewer.onFrame(() => this.place());
   }
 
-  get isDragged(): boolean {
-    return [...this.points, ...this.tangents].some(({ isBusy }) => isBusy);
+  /** Pixels of the control points. */
+  pixels(): [number, number][] {
+    const { shape } = this;
+    return (shape?.points ?? []).map((point) => this.pixel(pointToWorld(shape!, point)));
   }
 
   /** Show the handles of a cord, or none. */
@@ -167,9 +169,10 @@ export class CordHandles {
     const { shape } = this;
     this.svg.style.visibility = this.tangents.length ? "visible" : "hidden";
     if (!shape) return;
-    this.points.forEach((button, i) => button.place(this.pixel(pointToWorld(shape, shape.points[i]!))));
+    const pixels = this.pixels();
+    this.points.forEach((button, i) => button.place(pixels[i]!));
     if (!this.tangents.length) return;
-    const [x, y] = this.pixel(pointToWorld(shape, shape.points[this.selected]!));
+    const [x, y] = pixels[this.selected]!;
     this.tangents.forEach((button, end) => {
       const [u, v] = this.pixel(this.tangentEnd(end));
       button.place([u, v]);

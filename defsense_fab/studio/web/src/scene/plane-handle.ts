@@ -39,6 +39,7 @@ export class PlaneHandle {
   ) {
     this.svg.setAttribute("class", "viewer-lines");
     this.svg.setAttribute("aria-hidden", "true");
+    this.arrow.setAttribute("class", "arrow");
     this.svg.append(this.arrow, ...this.arcs);
     for (const arc of this.arcs) arc.setAttribute("class", "arc");
     viewer.overlay.append(this.svg);
@@ -198,7 +199,7 @@ export class PlaneHandle {
     const normal = this.axis(this.frame, 2);
     const [x, y] = this.viewer.project(this.center);
     const [u, v] = this.tip();
-    this.arrow.setAttribute("d", `M${x} ${y}L${u} ${v}`);
+    this.arrow.setAttribute("d", arrowPath(x, y, u, v));
     this.shift.place([u, v]);
     this.turns.forEach((button, axis) => {
       const toward = this.axis(this.frame!, 1 - axis);
@@ -210,6 +211,15 @@ export class PlaneHandle {
       button.place(points[ARC_POINTS >> 1]!);
     });
   }
+}
+
+/** Return a line with a filled head, around the pixel that is dragged. */
+function arrowPath(x: number, y: number, u: number, v: number): string {
+  const length = Math.hypot(u - x, v - y) || 1;
+  const [dx, dy] = [(u - x) / length, (v - y) / length];
+  const at = (along: number, across: number) =>
+    `${u + along * dx - across * dy} ${v + along * dy + across * dx}`;
+  return `M${x} ${y}L${at(-8, 0)}M${at(9, 0)}L${at(-8, 7)}L${at(-8, -7)}Z`;
 }
 
 function shifted({ origin, axes }: Frame, distance: number): Frame {

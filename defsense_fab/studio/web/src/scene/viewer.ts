@@ -143,10 +143,11 @@ export class Viewer {
     return [event.clientX - left, event.clientY - top];
   }
 
-  /** Hide the shadow and the cube, as for drawing in a plane. */
+  /** Hide the shadow, the cube and the scale, as for drawing in a plane. */
   setPlain(isPlain: boolean): void {
     this.shadow.object.visible = !isPlain;
     this.cube.setHidden(isPlain);
+    this.scale.setHidden(isPlain);
   }
 
   dispose(): void {

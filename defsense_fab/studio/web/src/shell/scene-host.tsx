@@ -1,4 +1,2 @@
-/** The place of the 3D scene. */
-export function SceneHost() {
-  return <div class="scene-host" />;
-}
+// The place of the 3D scene.
+export { SceneView as SceneHost } from "../scene/scene-view";

@@ -60,6 +60,7 @@ export class CordEditor {
       ...end,
       onDrag: (frame, text, pixel) => this.movePlane(frame, text, pixel),
     });
+    viewer.labels.obstacles = () => this.handles.pixels();
     this.stops = [
       effect(() => {
         const cord = isDrawing.value ? null : selectedCord.value;
@@ -72,6 +73,7 @@ export class CordEditor {
 
   dispose(): void {
     this.cancel();
+    this.viewer.labels.obstacles = () => [];
     for (const stop of this.stops) stop();
     this.handles.dispose();
     this.planeHandle.dispose();

@@ -5,8 +5,10 @@ import { NextButton } from "../../shell/next-button";
 import { device, prediction } from "../../state/connection";
 import { hovered, isSame, isSelected, select } from "../../state/selection";
 import { EmptyState } from "../../ui/feedback";
+import { Icon } from "../../ui/icons";
+import { tooltip } from "../../ui/tooltip";
 import { ErrorBar, roundUp, SignalBar } from "./bars";
-import { LimitButton } from "./cord-inspector";
+import { limitTitle, showViolation } from "./limit-labels";
 import { draggedJudgement, judgement } from "./state";
 
 /** Lines of the scale of errors. */
@@ -26,7 +28,11 @@ export function PredictionPanel() {
         {state.drawnProblem && <p class="problem-text">{state.drawnProblem.text}</p>}
         {shown && <Limits judgement={shown} />}
       </div>
-      {shown && shown.poses.length > 0 && <PoseTable judgement={shown} />}
+      {shown && shown.poses.length > 0 && (
+        <div class="pose-scroll">
+          <PoseTable judgement={shown} />
+        </div>
+      )}
     </div>
   );
 }
@@ -58,7 +64,17 @@ function Limits({ judgement: { violations } }: { judgement: Judgement }) {
     <ul class="limits" aria-label="Broken limits">
       {violations.map((violation, i) => (
         <li key={i}>
-          <LimitButton violation={violation} />
+          <button
+            type="button"
+            class="limit"
+            {...tooltip(violation.text)}
+            onClick={() => showViolation(violation)}
+          >
+            <Icon name="warning" size={14} />
+            <span>
+              {limitTitle(violation)}: {violation.cords.join(", ")}
+            </span>
+          </button>
         </li>
       ))}
     </ul>
@@ -94,7 +110,6 @@ function PoseTable({ judgement: { poses } }: { judgement: Judgement }) {
                 <span key={value}>{Number(value.toPrecision(2))}</span>
               ))}
             </span>
-            <span aria-hidden="true">mm</span>
           </th>
           {cords.map(({ name, color }) => (
             <th key={name} scope="col">

@@ -70,15 +70,15 @@ function PlaneTools() {
   return (
     <>
       <SegmentedControl
-        label="Plane"
+        label="Plane across"
         value={chosen ?? "cord"}
         segments={[
-          { value: "x", label: "Across x" },
-          { value: "y", label: "Across y" },
-          { value: "z", label: "Across z" },
+          { value: "x", label: "x", hint: "Plane across the x axis" },
+          { value: "y", label: "y", hint: "Plane across the y axis" },
+          { value: "z", label: "z", hint: "Plane across the z axis" },
           {
             value: "cord",
-            label: "Of the cord",
+            label: "Cord",
             hint: cord?.isPlanar ? `Plane of ${cord.name}` : "Select a planar cord first",
             disabled: !cord?.isPlanar,
           },
