@@ -22,6 +22,8 @@ export interface HandleEvents {
   /** A point is moved by a key. */
   onMove(index: number, to: number[]): void;
   onDelete(index: number): void;
+  /** A menu of a point is requested at a place of the window. */
+  onMenu(index: number, x: number, y: number): void;
 }
 
 export class CordHandles {
@@ -107,6 +109,7 @@ export class CordHandles {
         this.events.onMove(index, to);
       },
       onDelete: () => this.events.onDelete(index),
+      onMenu: (x, y) => this.events.onMenu(index, x, y),
     });
   }
 
@@ -128,6 +131,7 @@ export class CordHandles {
         send(this.stepped(tangent, right * step, up * step), this.pixel(this.tangentEnd(end)));
         this.events.onDrop();
       },
+      onMenu: (x, y) => this.events.onMenu(this.selected, x, y),
     });
     button.setName(`${end === 0 ? "Forward" : "Backward"} tangent`);
     return button;

@@ -14,6 +14,7 @@ import {
 } from "../state/selection";
 import { type MenuEntry, openContextMenu } from "../ui/menu";
 import type { Pick } from "./types";
+import { ViewTools } from "./view-tools";
 import { Viewer } from "./viewer";
 
 /** The menu of the selected cords; a step can replace it. */
@@ -35,7 +36,12 @@ export function SceneView() {
       scene.dispose();
     };
   }, []);
-  return <div ref={host} class="scene-host" />;
+  return (
+    <>
+      <div ref={host} class="scene-host" />
+      {viewer.value && <ViewTools viewer={viewer.value} />}
+    </>
+  );
 }
 
 function showDevice(scene: Viewer): () => void {

@@ -47,8 +47,8 @@ function Headline() {
         <strong>{error === null ? "No error" : `${error.toFixed(2)} mm`}</strong>
         <span>drawn</span>
         <span class="separator">/</span>
-        <strong>{built === null ? "nothing" : `${built.toFixed(2)} mm`}</strong>
-        <span>built</span>
+        {built !== null && <strong>{built.toFixed(2)} mm</strong>}
+        <span>{built === null ? "not built" : "built"}</span>
       </p>
       <p class="muted">
         {trained !== null && !hasChanged && `${trained.toFixed(2)} mm after training. `}

@@ -37,19 +37,8 @@ export function SensorsToolbar() {
         ]}
         onChange={(tool) => (tool === "draw" ? startDrawing() : stopDrawing())}
       />
-      {isDrawing.value ? <PlaneTools /> : <ViewTools />}
+      {isDrawing.value && <PlaneTools />}
     </>
-  );
-}
-
-function ViewTools() {
-  return (
-    <IconButton
-      icon="fit"
-      label="Fit the view to the body"
-      shortcut="F"
-      onClick={() => viewer.peek()?.rig.fit()}
-    />
   );
 }
 
