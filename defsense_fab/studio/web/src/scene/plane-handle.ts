@@ -69,7 +69,7 @@ export class PlaneHandle {
         onDrag: (x, y) => this.dragTurn(axis, x, y),
         onArrow: (right, up, isLarge) => {
           const degrees = (right + up) * STEP_DEG * (isLarge ? LARGE_STEPS : 1);
-          this.report(this.turned(this.frame!, axis, degrees), `${degrees}\u00b0`, this.tip());
+          this.report(this.turned(this.frame!, axis, degrees), angleText(degrees), this.tip());
           end.onDrop();
         },
       });
@@ -113,7 +113,7 @@ export class PlaneHandle {
     this.start ??= { frame: this.frame!, value: angle };
     let degrees = Math.round(((angle - this.start.value) * 180) / Math.PI);
     degrees = ((((degrees + 180) % 360) + 360) % 360) - 180;
-    this.report(this.turned(this.start.frame, axis, degrees), `${degrees}\u00b0`, [x, y]);
+    this.report(this.turned(this.start.frame, axis, degrees), angleText(degrees), [x, y]);
   }
 
   private report(frame: Frame, text: string, pixel: [number, number]): void {
@@ -227,5 +227,9 @@ function shifted({ origin, axes }: Frame, distance: number): Frame {
 }
 
 function distanceText(distance: number): string {
-  return `${distance.toFixed(1)} mm`;
+  return `${distance.toFixed(1).replace("-", "\u2212")} mm`;
+}
+
+function angleText(degrees: number): string {
+  return `${degrees}\u00b0`.replace("-", "\u2212");
 }

@@ -68,6 +68,11 @@ export class Viewer {
     this.canvas.setAttribute("role", "application");
     this.canvas.setAttribute("aria-label", "Scene");
     this.overlay.className = "viewer-overlay";
+    // Handles and labels do not keep the wheel from the camera.
+    this.overlay.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.canvas.dispatchEvent(new WheelEvent("wheel", event));
+    });
     host.classList.add("viewer");
     host.append(this.canvas, this.overlay);
     this.rig = new CameraRig(this.canvas, () => this.invalidate());

@@ -80,6 +80,7 @@ function PlaneTools() {
       <label class="plane-offset">
         <span>Offset</span>
         <input
+          aria-label="Offset of the plane"
           class="range"
           type="range"
           min={low}
