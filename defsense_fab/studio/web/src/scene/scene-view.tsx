@@ -13,6 +13,7 @@ import {
   selection,
 } from "../state/selection";
 import { type MenuEntry, openContextMenu } from "../ui/menu";
+import type { Label } from "./label-layer";
 import type { Pick } from "./types";
 import { ViewTools } from "./view-tools";
 import { Viewer } from "./viewer";
@@ -68,6 +69,7 @@ function showDevice(scene: Viewer): () => void {
     onHover: (pick) => {
       const item = cordOf(pick);
       if (item?.name !== hovered.peek()?.name) hovered.value = item;
+      scene.labels.set("hovered", pick && item ? [nameLabel(item, pick)] : []);
     },
     onClick: (pick, event) => {
       const item = cordOf(pick);
@@ -83,6 +85,10 @@ function showDevice(scene: Viewer): () => void {
     },
   });
   return () => stops.forEach((stop) => stop());
+}
+
+function nameLabel({ name }: Item, { point }: Pick): Label {
+  return { id: "hovered", text: name, at: point, tone: "plain", priority: 20 };
 }
 
 function cordOf(pick: Pick | null): Item | null {
