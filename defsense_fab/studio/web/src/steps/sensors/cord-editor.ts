@@ -6,7 +6,7 @@ import { catmullRom, pointToWorld, samplePath, toPlane } from "../../scene/curve
 import { CordHandles, type HandleKind } from "../../scene/handles";
 import { PlaneHandle } from "../../scene/plane-handle";
 import { Readout } from "../../scene/readout";
-import { cordMenuEntries } from "../../scene/scene-view";
+import { cordMenuEntries } from "../../scene/stage";
 import type { CordShape, Frame } from "../../scene/types";
 import type { Viewer } from "../../scene/viewer";
 import { connection, prediction } from "../../state/connection";

@@ -3,7 +3,7 @@ import { effect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { useCommands } from "../../commands";
 import { DrawingBoard } from "../../scene/drawing-board";
-import { cordMenuEntries, viewer } from "../../scene/scene-view";
+import { cordMenuEntries, viewer } from "../../scene/stage";
 import { cordMenu } from "../../shell/cord-commands";
 import { connection } from "../../state/connection";
 import { run } from "../../state/run";
