@@ -11,29 +11,59 @@ export interface Protocol {
     | AddStroke
     | Answer
     | CancelJob
+    | ChooseRow
+    | CloseDevice
     | CompareCords
+    | CreateFromBody
+    | CreateFromGallery
     | DeleteCords
     | DeletePoint
+    | DescribeUpload
     | DragPlane
     | DragPoint
     | DragTangent
     | DuplicateCord
+    | ForgetDevice
     | InsertPoint
+    | KeepPicture
+    | MakeBody
     | MirrorCord
+    | OpenDevice
     | OutlineOf
     | PauseJob
     | Propose
     | Redo
     | RenameCord
     | RenameDevice
+    | ResetField
+    | ResetParameter
     | Restore
     | ResumeJob
+    | SetField
     | SetFreedoms
+    | SetParameter
     | SmoothCord
     | StartBuild
+    | StopBody
     | Undo
-    | Upload;
-  event: DeviceState | Job | Notice | Page | Pipeline | Prediction | ProposalProgress | Question | Reply;
+    | Upload
+    | UploadedSurface;
+  event:
+    | BodyParameters
+    | BodyStatus
+    | Catalogues
+    | DeviceFields
+    | DeviceState
+    | Gallery
+    | Job
+    | Notice
+    | Page
+    | Pipeline
+    | Prediction
+    | ProposalProgress
+    | Question
+    | RecentDevices
+    | Reply;
   results: Results;
 }
 /**
@@ -80,6 +110,24 @@ export interface CancelJob {
   [k: string]: unknown;
 }
 /**
+ * Choose a row of a catalogue; values that replaced those of the previous row are removed.
+ */
+export interface ChooseRow {
+  kind: "choose-row";
+  id: number;
+  catalogue: "cord" | "material" | "printer" | "trace";
+  name: string;
+  [k: string]: unknown;
+}
+/**
+ * Close the device, and show the start page in all browsers.
+ */
+export interface CloseDevice {
+  kind: "close-device";
+  id: number;
+  [k: string]: unknown;
+}
+/**
  * Compare two cords of the device.
  */
 export interface CompareCords {
@@ -87,6 +135,40 @@ export interface CompareCords {
   id: number;
   first: string;
   second: string;
+  [k: string]: unknown;
+}
+/**
+ * Create a device from the uploaded body, and open it.
+ *
+ *     Attributes:
+ *         name: Name of the device.
+ *         unit: Unit of the file; None if it has one, or if the size is given.
+ *         size: Longest side in mm; None if the unit is given.
+ *         material: Name of the material.
+ *         edge_length: Edge length of the mesh, mm.
+ */
+export interface CreateFromBody {
+  kind: "create-from-body";
+  id: number;
+  name: string;
+  unit: string | null;
+  size: number | null;
+  material: string;
+  edgeLength: number;
+  [k: string]: unknown;
+}
+/**
+ * Create a device from one of the gallery, and open it.
+ *
+ *     Attributes:
+ *         start: Name of the device of the gallery.
+ *         name: Name of the new device; empty for the default.
+ */
+export interface CreateFromGallery {
+  kind: "create-from-gallery";
+  id: number;
+  start: string;
+  name: string;
   [k: string]: unknown;
 }
 /**
@@ -106,6 +188,20 @@ export interface DeletePoint {
   id: number;
   cord: string;
   index: number;
+  [k: string]: unknown;
+}
+/**
+ * Interpret the uploaded body in a unit, or scale it to a size.
+ *
+ *     Attributes:
+ *         unit: Unit of the file; None for the most likely one.
+ *         size: Longest side in mm, which takes the place of the unit.
+ */
+export interface DescribeUpload {
+  kind: "describe-upload";
+  id: number;
+  unit: string | null;
+  size: number | null;
   [k: string]: unknown;
 }
 /**
@@ -166,6 +262,15 @@ export interface DuplicateCord {
   [k: string]: unknown;
 }
 /**
+ * Remove a device from the list; its folder is kept.
+ */
+export interface ForgetDevice {
+  kind: "forget-device";
+  id: number;
+  folder: string;
+  [k: string]: unknown;
+}
+/**
  * Add a control point before the index `before`, at (2,) or (3,) mm.
  */
 export interface InsertPoint {
@@ -177,6 +282,26 @@ export interface InsertPoint {
   [k: string]: unknown;
 }
 /**
+ * Keep a picture of the open device for the list.
+ *
+ *     Attributes:
+ *         picture: A PNG, JPEG or WebP image as a data URL.
+ */
+export interface KeepPicture {
+  kind: "keep-picture";
+  id: number;
+  picture: string;
+  [k: string]: unknown;
+}
+/**
+ * Make the body in the background, after asking whether its script may run.
+ */
+export interface MakeBody {
+  kind: "make-body";
+  id: number;
+  [k: string]: unknown;
+}
+/**
  * Add a copy of a cord that is mirrored at the middle of the body, across an axis.
  */
 export interface MirrorCord {
@@ -184,6 +309,15 @@ export interface MirrorCord {
   id: number;
   cord: string;
   axis: "x" | "y" | "z";
+  [k: string]: unknown;
+}
+/**
+ * Open a device of the list, or that of the command line, in all browsers.
+ */
+export interface OpenDevice {
+  kind: "open-device";
+  id: number;
+  folder: string;
   [k: string]: unknown;
 }
 /**
@@ -240,6 +374,24 @@ export interface RenameDevice {
   [k: string]: unknown;
 }
 /**
+ * Remove a key from `device.toml`, so that its default holds.
+ */
+export interface ResetField {
+  kind: "reset-field";
+  id: number;
+  key: string;
+  [k: string]: unknown;
+}
+/**
+ * Remove a parameter from `device.toml`, so that the script's default holds.
+ */
+export interface ResetParameter {
+  kind: "reset-parameter";
+  id: number;
+  name: string;
+  [k: string]: unknown;
+}
+/**
  * Replace a device file that cannot be read by the last valid one.
  */
 export interface Restore {
@@ -256,6 +408,16 @@ export interface ResumeJob {
   [k: string]: unknown;
 }
 /**
+ * Set a key of `device.toml`.
+ */
+export interface SetField {
+  kind: "set-field";
+  id: number;
+  key: string;
+  value: number | boolean | string;
+  [k: string]: unknown;
+}
+/**
  * Set what the optimizer may change of a cord; nothing locks it.
  */
 export interface SetFreedoms {
@@ -263,6 +425,16 @@ export interface SetFreedoms {
   id: number;
   cord: string;
   free: ("ends" | "offset" | "path" | "plane")[];
+  [k: string]: unknown;
+}
+/**
+ * Set a parameter of the body's script; the body follows.
+ */
+export interface SetParameter {
+  kind: "set-parameter";
+  id: number;
+  name: string;
+  value: number | boolean | string;
   [k: string]: unknown;
 }
 /**
@@ -281,6 +453,14 @@ export interface StartBuild {
   kind: "start-build";
   id: number;
   stage: "mesh" | "optimize" | "report" | "simulate";
+  [k: string]: unknown;
+}
+/**
+ * Stop making the body, and keep the previous one.
+ */
+export interface StopBody {
+  kind: "stop-body";
+  id: number;
   [k: string]: unknown;
 }
 /**
@@ -305,6 +485,235 @@ export interface Upload {
   id: number;
   name: string;
   size: number;
+  [k: string]: unknown;
+}
+/**
+ * Send the surface of the uploaded body as arrays; `UploadedBody.scale` turns it into mm.
+ */
+export interface UploadedSurface {
+  kind: "uploaded-surface";
+  id: number;
+  [k: string]: unknown;
+}
+/**
+ * Where the body comes from, and the parameters of its script.
+ *
+ *     Attributes:
+ *         file: Name of the file.
+ *         source: Kind of the file.
+ *         parameters: The parameters that have fields.
+ *         other: Names of parameters that only an editor can set in `device.toml`.
+ *         unknown: Names that `device.toml` sets and the script does not accept.
+ *         problem: Why the script cannot be read, or None.
+ */
+export interface BodyParameters {
+  kind: "body-parameters";
+  file: string;
+  source: "mesh" | "script" | "step";
+  parameters: Parameter[];
+  other: string[];
+  unknown: string[];
+  problem: Problem | null;
+  [k: string]: unknown;
+}
+/**
+ * A parameter of the body's script.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         kind: What kind of value it takes.
+ *         unit: Unit of a number.
+ *         value: Its value now; None if it has none.
+ *         default: Its value without an entry in `device.toml`; None if it has none.
+ *         low: Lower end of a number's slider, or None.
+ *         high: Upper end of a number's slider, or None.
+ *         step: Step of a number's slider.
+ *         min: Smallest number that the script accepts, or None.
+ *         max: Largest number that the script accepts, or None.
+ *         choices: Values of a choice.
+ *         is_set: Whether `device.toml` has an entry.
+ */
+export interface Parameter {
+  name: string;
+  kind: "choice" | "number" | "switch" | "text" | "whole";
+  unit: string;
+  value: number | boolean | string | null;
+  default: number | boolean | string | null;
+  low: number | null;
+  high: number | null;
+  step: number;
+  min: number | null;
+  max: number | null;
+  choices: string[];
+  isSet: boolean;
+  [k: string]: unknown;
+}
+/**
+ * An error, as a page shows it.
+ *
+ *     Attributes:
+ *         code: Stable identifier of the error.
+ *         text: The whole text: where, what is wrong, and what to do.
+ *         message: What is wrong and what to do, without the place.
+ *         field: Dotted name of the key of `device.toml` that is wrong; empty if none is.
+ *         cord: Name of the cord that is concerned; empty if none is.
+ */
+export interface Problem {
+  code: string;
+  text: string;
+  message: string;
+  field: string;
+  cord: string;
+  [k: string]: unknown;
+}
+/**
+ * The newest body.
+ *
+ *     Attributes:
+ *         state: "idle" if it is up to date, "making", "waiting" for another job, "stopped" by the
+ *             user, "not-agreed" if the script may not run yet, or "failed".
+ *         text: The state in one sentence; empty if there is nothing to report.
+ *         problem: Why the body could not be made, or None.
+ *         size: Extents (3,) of the newest body, mm; None if none has been made.
+ *         volume: Its volume, mm³.
+ *         is_preview: Whether the body differs from that of the last build, and is sent as the arrays
+ *             "body-preview".
+ */
+export interface BodyStatus {
+  kind: "body-status";
+  state: "failed" | "idle" | "making" | "not-agreed" | "stopped" | "waiting";
+  text: string;
+  problem: Problem | null;
+  size: number[] | null;
+  volume: number;
+  isPreview: boolean;
+  [k: string]: unknown;
+}
+/**
+ * All catalogues.
+ */
+export interface Catalogues {
+  kind: "catalogues";
+  catalogues: Catalogue[];
+  [k: string]: unknown;
+}
+/**
+ * Materials, cords, filaments of traces, or printers.
+ *
+ *     Attributes:
+ *         name: What it lists.
+ *         columns: Its columns.
+ *         rows: Its rows.
+ */
+export interface Catalogue {
+  name: "cord" | "material" | "printer" | "trace";
+  columns: CatalogueColumn[];
+  rows: CatalogueRow[];
+  [k: string]: unknown;
+}
+/**
+ * A column of a catalogue.
+ *
+ *     Attributes:
+ *         label: Its heading.
+ *         unit: Unit of its numbers.
+ */
+export interface CatalogueColumn {
+  label: string;
+  unit: string;
+  [k: string]: unknown;
+}
+/**
+ * A row of a catalogue.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         values: Numbers and words by column; None where it has none.
+ *         note: What kind of values these are, such as "measured"; empty for none.
+ *         source: Where the numbers come from.
+ */
+export interface CatalogueRow {
+  name: string;
+  values: (number | string | null)[];
+  note: string;
+  source: string;
+  [k: string]: unknown;
+}
+/**
+ * The choices of catalogues, and the fields of the device.
+ */
+export interface DeviceFields {
+  kind: "device-fields";
+  choices: CatalogueChoice[];
+  groups: FieldGroup[];
+  [k: string]: unknown;
+}
+/**
+ * A row of a catalogue that the device uses.
+ *
+ *     Attributes:
+ *         catalogue: The catalogue.
+ *         name: Name of the row.
+ *         values: Values of the device by column, which may differ from those of the row.
+ *         is_custom: Whether the catalogue has no such row.
+ *         changed: Labels of the columns whose numbers `device.toml` replaces.
+ */
+export interface CatalogueChoice {
+  catalogue: "cord" | "material" | "printer" | "trace";
+  name: string;
+  values: (number | string | null)[];
+  isCustom: boolean;
+  changed: string[];
+  [k: string]: unknown;
+}
+/**
+ * Fields under one heading.
+ *
+ *     Attributes:
+ *         title: The heading.
+ *         fields: Fields that many devices change.
+ *         more: Fields that few devices change.
+ */
+export interface FieldGroup {
+  title: string;
+  fields: DeviceField[];
+  more: DeviceField[];
+  [k: string]: unknown;
+}
+/**
+ * A key of `device.toml`, as it is declared, with its value.
+ *
+ *     Attributes:
+ *         key: Its dotted name.
+ *         label: Its label.
+ *         kind: What kind of value it takes.
+ *         unit: Unit of its numbers.
+ *         description: What it means.
+ *         value: Its value in `device.toml`; None without the key.
+ *         default: Value that holds without the key; None if it depends on other values.
+ *         default_text: That value in words; empty if there is none.
+ *         low: Smallest number, or None.
+ *         high: Largest number, or None.
+ *         is_low_open: Whether `low` itself is not accepted.
+ *         is_high_open: Whether `high` itself is not accepted.
+ *         choices: Texts that are accepted.
+ *         can_reset: Whether the key can be removed.
+ */
+export interface DeviceField {
+  key: string;
+  label: string;
+  kind: "choice" | "number" | "switch" | "text" | "whole";
+  unit: string;
+  description: string;
+  value: number | boolean | string | null;
+  default: number | boolean | string | null;
+  defaultText: string;
+  low: number | null;
+  high: number | null;
+  isLowOpen: boolean;
+  isHighOpen: boolean;
+  choices: string[];
+  canReset: boolean;
   [k: string]: unknown;
 }
 /**
@@ -361,6 +770,59 @@ export interface CordState {
   [k: string]: unknown;
 }
 /**
+ * What a new device can be made from.
+ *
+ *     Attributes:
+ *         devices: The devices to start from.
+ *         formats: Formats of mesh files, in words.
+ *         max_upload_mb: Largest size of an uploaded file, MB.
+ *         units: Units of the lengths in a mesh file.
+ *         materials: Materials of the catalogue.
+ *         default_material: Material that is selected at first.
+ */
+export interface Gallery {
+  kind: "gallery";
+  devices: GalleryDevice[];
+  formats: string;
+  maxUploadMb: number;
+  units: string[];
+  materials: MaterialChoice[];
+  defaultMaterial: string;
+  [k: string]: unknown;
+}
+/**
+ * A device to start from.
+ *
+ *     Attributes:
+ *         name: Name by which it is requested.
+ *         title: Its title.
+ *         about: What it senses, in one or two sentences.
+ *         poses: Names of its poses.
+ *         cords: Number of its cords.
+ *         picture: Its picture as a data URL.
+ */
+export interface GalleryDevice {
+  name: string;
+  title: string;
+  about: string;
+  poses: string[];
+  cords: number;
+  picture: string;
+  [k: string]: unknown;
+}
+/**
+ * A material of the catalogue.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         young_modulus: Young's modulus at small strain, MPa.
+ */
+export interface MaterialChoice {
+  name: string;
+  youngModulus: number;
+  [k: string]: unknown;
+}
+/**
  * The work in the background, or the last one that has ended.
  *
  *     Attributes:
@@ -370,6 +832,7 @@ export interface CordState {
  *         share: Completed share, 0 to 1.
  *         message: What it does now, in words.
  *         can_pause: Whether it can be paused.
+ *         gives_way: Whether it is canceled when another job is started.
  *         problem: Why it failed, or None.
  */
 export interface Job {
@@ -380,25 +843,8 @@ export interface Job {
   share: number;
   message: string;
   canPause: boolean;
+  givesWay: boolean;
   problem: Problem | null;
-  [k: string]: unknown;
-}
-/**
- * An error, as a page shows it.
- *
- *     Attributes:
- *         code: Stable identifier of the error.
- *         text: The whole text: where, what is wrong, and what to do.
- *         message: What is wrong and what to do, without the place.
- *         field: Dotted name of the key of `device.toml` that is wrong; empty if none is.
- *         cord: Name of the cord that is concerned; empty if none is.
- */
-export interface Problem {
-  code: string;
-  text: string;
-  message: string;
-  field: string;
-  cord: string;
   [k: string]: unknown;
 }
 /**
@@ -601,6 +1047,41 @@ export interface ScriptFile {
   [k: string]: unknown;
 }
 /**
+ * The devices that were opened before.
+ *
+ *     Attributes:
+ *         devices: The devices; the one that was opened last comes first.
+ *         folder: Folder in which a new device is created.
+ *         is_new_folder: Whether the device gets a new folder of its name in `folder`.
+ */
+export interface RecentDevices {
+  kind: "recent-devices";
+  devices: RecentDevice[];
+  folder: string;
+  isNewFolder: boolean;
+  [k: string]: unknown;
+}
+/**
+ * A device that was opened before.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         folder: Its folder.
+ *         opened_at: When it was opened last, in s since 1970.
+ *         picture: Its picture as a data URL; empty for none.
+ *         is_missing: Whether the folder has no device any more.
+ *         is_open: Whether it is the device that is open.
+ */
+export interface RecentDevice {
+  name: string;
+  folder: string;
+  openedAt: number;
+  picture: string;
+  isMissing: boolean;
+  isOpen: boolean;
+  [k: string]: unknown;
+}
+/**
  * The answer to a request that sends no arrays.
  *
  *     Attributes:
@@ -620,28 +1101,43 @@ export interface Results {
   "add-stroke": CordResult;
   answer: null;
   "cancel-job": null;
+  "choose-row": null;
+  "close-device": null;
   "compare-cords": Comparison;
+  "create-from-body": null;
+  "create-from-gallery": null;
   "delete-cords": null;
   "delete-point": null;
+  "describe-upload": UploadedBody;
   "drag-plane": DragResult;
   "drag-point": DragResult;
   "drag-tangent": DragResult;
   "duplicate-cord": CordResult;
+  "forget-device": null;
   "insert-point": null;
+  "keep-picture": null;
+  "make-body": null;
   "mirror-cord": CordResult;
+  "open-device": null;
   "outline-of": PlaneOutline;
   "pause-job": null;
   propose: CordResult;
   redo: null;
   "rename-cord": null;
   "rename-device": null;
+  "reset-field": null;
+  "reset-parameter": null;
   restore: null;
   "resume-job": null;
+  "set-field": null;
   "set-freedoms": null;
+  "set-parameter": null;
   "smooth-cord": null;
   "start-build": null;
+  "stop-body": null;
   undo: null;
   upload: null;
+  "uploaded-surface": null;
 }
 /**
  * The cord that was added.
@@ -660,6 +1156,40 @@ export interface Comparison {
   largestSignals: number[];
   correlation: number;
   isRedundant: boolean;
+  [k: string]: unknown;
+}
+/**
+ * The body that this browser has uploaded.
+ *
+ *     Attributes:
+ *         name: Name of the file without its suffix.
+ *         format: Suffix of its format, such as ".stl".
+ *         has_unit: Whether the format has a unit, so that neither unit nor size can be chosen.
+ *         unit: The unit; empty if the size determines the scale.
+ *         is_doubtful: Whether that unit is a guess.
+ *         warning: Why the size is unusual; empty if it is not.
+ *         size: Extents (3,), mm.
+ *         volume: Volume, mm³.
+ *         scale: Factor from the vertices that were sent to mm.
+ *         edge_length: Default edge length of the mesh, mm.
+ *         min_edge_length: Smallest edge length that can be computed, mm.
+ *         max_edge_length: Thickness of the body, mm.
+ *         repairs: Repairs of the surface, in words.
+ */
+export interface UploadedBody {
+  name: string;
+  format: string;
+  hasUnit: boolean;
+  unit: string;
+  isDoubtful: boolean;
+  warning: string;
+  size: number[];
+  volume: number;
+  scale: number;
+  edgeLength: number;
+  minEdgeLength: number;
+  maxEdgeLength: number;
+  repairs: string[];
   [k: string]: unknown;
 }
 /**

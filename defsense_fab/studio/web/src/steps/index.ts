@@ -1,5 +1,6 @@
 // Registers the panels of all steps. A step that has none yet shows its state.
 import { STEPS } from "../state/step";
+import "./body";
 import { registerStep, stepPanels } from "./registry";
 import "./sensors";
 import { StepOverview } from "./step-overview";
