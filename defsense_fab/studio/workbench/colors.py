@@ -13,7 +13,7 @@ import numpy as np
 from ...core.arrays import Float, Int
 
 #: Blue below zero and orange above (ColorBrewer's RdBu and PuOr); cividis; viridis.
-_DIVERGING = (
+DIVERGING = (
     (5, 48, 97),
     (33, 102, 172),
     (67, 147, 195),
@@ -26,7 +26,7 @@ _DIVERGING = (
     (179, 88, 6),
     (127, 59, 8),
 )
-_CIVIDIS = (
+CIVIDIS = (
     (0, 34, 78),
     (18, 53, 112),
     (59, 73, 108),
@@ -97,12 +97,12 @@ class ColorScale:
     def symmetric(cls, reach: float) -> ColorScale:
         """Return a scale from -reach to reach, which is rounded up."""
         end = round_up(reach)
-        return cls(-end, end, _DIVERGING)
+        return cls(-end, end, DIVERGING)
 
     @classmethod
     def from_zero(cls, reach: float) -> ColorScale:
         """Return a scale from 0 to `reach`, which is rounded up."""
-        return cls(0.0, round_up(reach), _CIVIDIS)
+        return cls(0.0, round_up(reach), CIVIDIS)
 
     @classmethod
     def for_gains(cls, values: Float) -> ColorScale:
