@@ -50,7 +50,7 @@ VIRIDIS = (
     (180, 222, 44),
     (253, 231, 37),
 )
-_UNKNOWN_COLOR = (150, 150, 150)
+UNKNOWN_COLOR = (150, 150, 150)
 _MIN_GAIN_SPREAD = 0.03  # share of the largest gain; smaller differences must not look large
 #: Ends of ranges, times a power of ten; their quarters have few digits.
 _ROUND_ENDS = (1.0, 1.2, 1.6, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0)
@@ -124,7 +124,7 @@ class ColorScale:
         colors = np.stack(
             [np.interp(position, np.arange(len(table)), channel) for channel in table.T], axis=1
         )
-        colors[~is_known] = np.array(_UNKNOWN_COLOR) / 255
+        colors[~is_known] = np.array(UNKNOWN_COLOR) / 255
         return colors
 
 
