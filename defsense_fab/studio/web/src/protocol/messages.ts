@@ -7,6 +7,7 @@
 
 export interface Protocol {
   request:
+    | AddNextCord
     | AddStraight
     | AddStroke
     | Answer
@@ -18,23 +19,52 @@ export interface Protocol {
     | DragPoint
     | DragTangent
     | DuplicateCord
+    | GetShape
+    | GetSkin
     | InsertPoint
     | MirrorCord
     | OutlineOf
     | PauseJob
+    | ProbePoint
     | Propose
     | Redo
     | RenameCord
     | RenameDevice
     | Restore
     | ResumeJob
+    | SearchNextCord
     | SetFreedoms
+    | ShowSection
     | SmoothCord
     | StartBuild
+    | StopNextCord
     | Undo
     | Upload;
-  event: DeviceState | Job | Notice | Page | Pipeline | Prediction | ProposalProgress | Question | Reply;
+  event:
+    | DeviceState
+    | InsideState
+    | Job
+    | NextCordState
+    | Notice
+    | Page
+    | Pipeline
+    | Prediction
+    | ProposalProgress
+    | Question
+    | Reply;
   results: Results;
+}
+/**
+ * Add a cord of the map to the device.
+ *
+ *     Attributes:
+ *         at: Point (3,) that the cord runs through, mm; None for the best cord.
+ */
+export interface AddNextCord {
+  kind: "add-next-cord";
+  id: number;
+  at: number[] | null;
+  [k: string]: unknown;
 }
 /**
  * Add a straight cord along the middle of the body.
@@ -166,6 +196,32 @@ export interface DuplicateCord {
   [k: string]: unknown;
 }
 /**
+ * Get the surface and the cords in a state.
+ *
+ *     The answer has the arrays `vertices` (v, 3) mm and `cords` (n, 3) mm, the points of all cords
+ *     in the device's order, and the facts `revision` and `counts`, the number of points of each cord.
+ *
+ *     Attributes:
+ *         state: Index of the state.
+ */
+export interface GetShape {
+  kind: "get-shape";
+  id: number;
+  state: number;
+  [k: string]: unknown;
+}
+/**
+ * Get the simulated body's surface at rest.
+ *
+ *     The answer has the arrays `rest` (v, 3) mm, `faces` (f, 3) and `edges` (e, 2), and the fact
+ *     `revision`.
+ */
+export interface GetSkin {
+  kind: "get-skin";
+  id: number;
+  [k: string]: unknown;
+}
+/**
  * Add a control point before the index `before`, at (2,) or (3,) mm.
  */
 export interface InsertPoint {
@@ -202,6 +258,24 @@ export interface OutlineOf {
 export interface PauseJob {
   kind: "pause-job";
   id: number;
+  [k: string]: unknown;
+}
+/**
+ * Get the numbers of a point; see `ShowSection` for the other attributes.
+ *
+ *     Attributes:
+ *         at: The point at rest (3,), mm.
+ */
+export interface ProbePoint {
+  kind: "probe-point";
+  id: number;
+  at: number[];
+  origin: number[];
+  axes: number[][];
+  state: number;
+  quantity: "along" | "deviation-along" | "deviation-largest" | "largest" | "next-cord" | "smallest";
+  angle: number;
+  cord: string;
   [k: string]: unknown;
 }
 /**
@@ -256,6 +330,26 @@ export interface ResumeJob {
   [k: string]: unknown;
 }
 /**
+ * Search in a plane for the best place of another cord.
+ *
+ *     It replaces a running search. `NextCordState` follows, and arrays named "next-cord" when a map
+ *     is found: `points` (p, 3) mm, `drop` (p,) mm, NaN where no cord fits, and `ends` (p, 2, 3) mm of
+ *     the best cord through each point; with the fact `step`, the distance of the points in mm.
+ *
+ *     Attributes:
+ *         origin: Origin (3,) of the plane, mm.
+ *         axes: Its x axis, y axis and normal, (3, 3) by rows.
+ *         length: Length of the cord, mm; None for cords from surface to surface.
+ */
+export interface SearchNextCord {
+  kind: "search-next-cord";
+  id: number;
+  origin: number[];
+  axes: number[][];
+  length: number | null;
+  [k: string]: unknown;
+}
+/**
  * Set what the optimizer may change of a cord; nothing locks it.
  */
 export interface SetFreedoms {
@@ -263,6 +357,38 @@ export interface SetFreedoms {
   id: number;
   cord: string;
   free: ("ends" | "offset" | "path" | "plane")[];
+  [k: string]: unknown;
+}
+/**
+ * Cut the body with a plane.
+ *
+ *     The answer has the arrays `vertices` (v, 3) mm in the state, `rest` (v, 3) mm at rest,
+ *     `triangles` (t, 3) and `values` (v,), NaN where unknown; and the facts `low`, `high` and `step`
+ *     of the color bar, `smallest` and `largest` value of the section or null, `lowest` and `highest`
+ *     offset of the plane from the body's middle that meets the body (mm), and `direction`, the ends
+ *     of a line along the direction or null.
+ *
+ *     Attributes:
+ *         origin: Origin (3,) of the plane in the body at rest, mm.
+ *         axes: Its x axis, y axis and normal, (3, 3) by rows.
+ *         state: Index of the state.
+ *         quantity: The quantity.
+ *         angle: Direction in the plane, degrees from its x axis.
+ *         cord: Name of a cord whose local direction replaces the angle; empty for none.
+ *         detail: "coarse" while the plane is dragged.
+ *         is_range_fixed: Whether the color bar is the same for all states and planes.
+ */
+export interface ShowSection {
+  kind: "show-section";
+  id: number;
+  origin: number[];
+  axes: number[][];
+  state: number;
+  quantity: "along" | "deviation-along" | "deviation-largest" | "largest" | "next-cord" | "smallest";
+  angle: number;
+  cord: string;
+  detail: "coarse" | "fine";
+  isRangeFixed: boolean;
   [k: string]: unknown;
 }
 /**
@@ -281,6 +407,18 @@ export interface StartBuild {
   kind: "start-build";
   id: number;
   stage: "mesh" | "optimize" | "report" | "simulate";
+  [k: string]: unknown;
+}
+/**
+ * Cancel the search, and forget its map.
+ *
+ *     Attributes:
+ *         keeps_map: Whether a map that was found is kept.
+ */
+export interface StopNextCord {
+  kind: "stop-next-cord";
+  id: number;
+  keepsMap: boolean;
   [k: string]: unknown;
 }
 /**
@@ -361,6 +499,90 @@ export interface CordState {
   [k: string]: unknown;
 }
 /**
+ * What sections of the body can show.
+ *
+ *     Attributes:
+ *         is_ready: Whether the poses are simulated.
+ *         text: What to do first, if they are not.
+ *         revision: Number of the simulation; skins and shapes belong to one.
+ *         states: The states, rest first; empty if not ready.
+ *         first_state: Index of the state to show first.
+ *         origin: Origin (3,) of the plane to show first, mm.
+ *         axes: Its x axis, y axis and normal, (3, 3) by rows.
+ *         middle: Middle (3,) of the body, from which offsets of planes are measured, mm.
+ *         size: Largest extent of the body, mm.
+ *         short_cord: Length of a short cord, mm.
+ *         quantities: The quantities.
+ *         color_maps: The color maps.
+ *         unknown_color: Color (3,) where a quantity is unknown, 0 to 255.
+ */
+export interface InsideState {
+  kind: "inside-state";
+  isReady: boolean;
+  text: string;
+  revision: number;
+  states: StateInfo[];
+  firstState: number;
+  origin: number[];
+  axes: number[][];
+  middle: number[];
+  size: number;
+  shortCord: number;
+  quantities: QuantityInfo[];
+  colorMaps: ColorMap[];
+  unknownColor: number[];
+  [k: string]: unknown;
+}
+/**
+ * A simulated state.
+ *
+ *     Attributes:
+ *         name: Name of the state.
+ *         label: What it is called, such as "bend 50 %".
+ */
+export interface StateInfo {
+  name: string;
+  label: string;
+  [k: string]: unknown;
+}
+/**
+ * A quantity that a section shows.
+ *
+ *     Attributes:
+ *         name: The quantity.
+ *         label: What it is called.
+ *         hint: What it means.
+ *         unit: Unit of its numbers.
+ *         color_map: Name of its color map.
+ *         needs_direction: Whether it depends on a direction.
+ *         varies_by_state: Whether it differs from state to state.
+ */
+export interface QuantityInfo {
+  name: "along" | "deviation-along" | "deviation-largest" | "largest" | "next-cord" | "smallest";
+  label: string;
+  hint: string;
+  unit: string;
+  colorMap: string;
+  needsDirection: boolean;
+  variesByState: boolean;
+  [k: string]: unknown;
+}
+/**
+ * Colors of numbers.
+ *
+ *     Attributes:
+ *         name: Name of the map.
+ *         colors: Colors (k, 3), 0 to 255, at equal distances.
+ *         is_diverging: Whether the middle color is that of zero, and both ends are equally far from
+ *             it; otherwise the map extends from the lower end of a range to its upper end.
+ */
+export interface ColorMap {
+  name: string;
+  colors: number[][];
+  isDiverging: boolean;
+  [k: string]: unknown;
+}
+/**
  * The work in the background, or the last one that has ended.
  *
  *     Attributes:
@@ -399,6 +621,33 @@ export interface Problem {
   message: string;
   field: string;
   cord: string;
+  [k: string]: unknown;
+}
+/**
+ * What the search of this browser does, or has found.
+ *
+ *     Attributes:
+ *         state: "outdated" after a change of the cords or of the simulation.
+ *         share: Completed share, 0 to 1.
+ *         problem: Why it has failed.
+ *         has_map: Whether a map is known; a coarse one is, while the fine one is searched.
+ *         length: Length of the cords, mm; None from surface to surface.
+ *         tried: Number of cords that were tried.
+ *         error: Expected error of the present cords, mm.
+ *         drop: Decrease of the error by the best cord, mm; 0 if none lowers it.
+ *         ends: Ends (2, 3) of the best cord, mm; empty if none lowers the error.
+ */
+export interface NextCordState {
+  kind: "next-cord-state";
+  state: "canceled" | "failed" | "found" | "none" | "outdated" | "searching";
+  share: number;
+  problem: Problem | null;
+  hasMap: boolean;
+  length: number | null;
+  tried: number;
+  error: number;
+  drop: number;
+  ends: number[][];
   [k: string]: unknown;
 }
 /**
@@ -616,6 +865,7 @@ export interface Reply {
   [k: string]: unknown;
 }
 export interface Results {
+  "add-next-cord": CordResult;
   "add-straight": CordResult;
   "add-stroke": CordResult;
   answer: null;
@@ -627,19 +877,25 @@ export interface Results {
   "drag-point": DragResult;
   "drag-tangent": DragResult;
   "duplicate-cord": CordResult;
+  "get-shape": null;
+  "get-skin": null;
   "insert-point": null;
   "mirror-cord": CordResult;
   "outline-of": PlaneOutline;
   "pause-job": null;
+  "probe-point": PointNumbers;
   propose: CordResult;
   redo: null;
   "rename-cord": null;
   "rename-device": null;
   restore: null;
   "resume-job": null;
+  "search-next-cord": null;
   "set-freedoms": null;
+  "show-section": null;
   "smooth-cord": null;
   "start-build": null;
+  "stop-next-cord": null;
   undo: null;
   upload: null;
 }
@@ -694,5 +950,27 @@ export interface PlaneOutline {
   segments: number[][][];
   low: number[];
   high: number[];
+  [k: string]: unknown;
+}
+/**
+ * Numbers of a point of the body.
+ *
+ *     Attributes:
+ *         rest: Position at rest (3,), mm.
+ *         position: Position in the state (3,), mm.
+ *         along: Strain along the direction, percent.
+ *         largest: Largest principal strain, percent.
+ *         smallest: Smallest principal strain, percent.
+ *         deviation: Standard deviation of the strain over all states, percent.
+ *         drop: Decrease of the expected error by a cord here, mm; None if unknown.
+ */
+export interface PointNumbers {
+  rest: number[];
+  position: number[];
+  along: number;
+  largest: number;
+  smallest: number;
+  deviation: number;
+  drop: number | null;
   [k: string]: unknown;
 }
