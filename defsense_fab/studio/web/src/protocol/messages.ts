@@ -64,7 +64,6 @@ export interface AddNextCord {
   kind: "add-next-cord";
   id: number;
   at: number[] | null;
-  [k: string]: unknown;
 }
 /**
  * Add a straight cord along the middle of the body.
@@ -72,7 +71,6 @@ export interface AddNextCord {
 export interface AddStraight {
   kind: "add-straight";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Add a cord along a stroke in a plane, or replace the path of a cord.
@@ -90,7 +88,6 @@ export interface AddStroke {
   axes: number[][];
   stroke: number[][];
   replaces: string;
-  [k: string]: unknown;
 }
 /**
  * The answer to the question.
@@ -99,7 +96,6 @@ export interface Answer {
   kind: "answer";
   id: number;
   run: boolean;
-  [k: string]: unknown;
 }
 /**
  * Cancel the job.
@@ -107,7 +103,6 @@ export interface Answer {
 export interface CancelJob {
   kind: "cancel-job";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Compare two cords of the device.
@@ -117,7 +112,6 @@ export interface CompareCords {
   id: number;
   first: string;
   second: string;
-  [k: string]: unknown;
 }
 /**
  * Delete cords.
@@ -126,7 +120,6 @@ export interface DeleteCords {
   kind: "delete-cords";
   id: number;
   cords: string[];
-  [k: string]: unknown;
 }
 /**
  * Delete a control point.
@@ -136,7 +129,6 @@ export interface DeletePoint {
   id: number;
   cord: string;
   index: number;
-  [k: string]: unknown;
 }
 /**
  * Move the plane of a cord.
@@ -152,7 +144,6 @@ export interface DragPlane {
   origin: number[];
   axes: number[][];
   write: boolean;
-  [k: string]: unknown;
 }
 /**
  * Move a control point without writing it, and judge the cords.
@@ -172,7 +163,6 @@ export interface DragPoint {
   to: number[];
   snap: boolean;
   write: boolean;
-  [k: string]: unknown;
 }
 /**
  * Turn the tangent at a control point; as `DragPoint`, `to` is the tangent, mm.
@@ -184,7 +174,6 @@ export interface DragTangent {
   index: number;
   to: number[];
   write: boolean;
-  [k: string]: unknown;
 }
 /**
  * Add a copy of a cord, a little beside it.
@@ -193,7 +182,6 @@ export interface DuplicateCord {
   kind: "duplicate-cord";
   id: number;
   cord: string;
-  [k: string]: unknown;
 }
 /**
  * Get the surface and the cords in a state.
@@ -208,7 +196,6 @@ export interface GetShape {
   kind: "get-shape";
   id: number;
   state: number;
-  [k: string]: unknown;
 }
 /**
  * Get the simulated body's surface at rest.
@@ -219,7 +206,6 @@ export interface GetShape {
 export interface GetSkin {
   kind: "get-skin";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Add a control point before the index `before`, at (2,) or (3,) mm.
@@ -230,7 +216,6 @@ export interface InsertPoint {
   cord: string;
   before: number;
   at: number[];
-  [k: string]: unknown;
 }
 /**
  * Add a copy of a cord that is mirrored at the middle of the body, across an axis.
@@ -240,7 +225,6 @@ export interface MirrorCord {
   id: number;
   cord: string;
   axis: "x" | "y" | "z";
-  [k: string]: unknown;
 }
 /**
  * Cut the body's surface with a plane.
@@ -250,7 +234,6 @@ export interface OutlineOf {
   id: number;
   origin: number[];
   axes: number[][];
-  [k: string]: unknown;
 }
 /**
  * Pause the job.
@@ -258,7 +241,6 @@ export interface OutlineOf {
 export interface PauseJob {
   kind: "pause-job";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Get the numbers of a point; see `ShowSection` for the other attributes.
@@ -276,7 +258,6 @@ export interface ProbePoint {
   quantity: "along" | "deviation-along" | "deviation-largest" | "largest" | "next-cord" | "smallest";
   angle: number;
   cord: string;
-  [k: string]: unknown;
 }
 /**
  * Search for the cord that lowers the error most, and add it.
@@ -284,7 +265,6 @@ export interface ProbePoint {
 export interface Propose {
   kind: "propose";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Repeat the edit that was undone last.
@@ -292,7 +272,6 @@ export interface Propose {
 export interface Redo {
   kind: "redo";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Rename a cord.
@@ -302,7 +281,6 @@ export interface RenameCord {
   id: number;
   cord: string;
   name: string;
-  [k: string]: unknown;
 }
 /**
  * Rename the device.
@@ -311,7 +289,6 @@ export interface RenameDevice {
   kind: "rename-device";
   id: number;
   name: string;
-  [k: string]: unknown;
 }
 /**
  * Replace a device file that cannot be read by the last valid one.
@@ -319,7 +296,6 @@ export interface RenameDevice {
 export interface Restore {
   kind: "restore";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Continue the job after a pause.
@@ -327,7 +303,6 @@ export interface Restore {
 export interface ResumeJob {
   kind: "resume-job";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Search in a plane for the best place of another cord.
@@ -347,7 +322,6 @@ export interface SearchNextCord {
   origin: number[];
   axes: number[][];
   length: number | null;
-  [k: string]: unknown;
 }
 /**
  * Set what the optimizer may change of a cord; nothing locks it.
@@ -357,7 +331,6 @@ export interface SetFreedoms {
   id: number;
   cord: string;
   free: ("ends" | "offset" | "path" | "plane")[];
-  [k: string]: unknown;
 }
 /**
  * Cut the body with a plane.
@@ -389,7 +362,6 @@ export interface ShowSection {
   cord: string;
   detail: "coarse" | "fine";
   isRangeFixed: boolean;
-  [k: string]: unknown;
 }
 /**
  * Compute the tangents of a cord from its points.
@@ -398,7 +370,6 @@ export interface SmoothCord {
   kind: "smooth-cord";
   id: number;
   cord: string;
-  [k: string]: unknown;
 }
 /**
  * Build the device up to a stage in the background.
@@ -407,7 +378,6 @@ export interface StartBuild {
   kind: "start-build";
   id: number;
   stage: "mesh" | "optimize" | "report" | "simulate";
-  [k: string]: unknown;
 }
 /**
  * Cancel the search, and forget its map.
@@ -419,7 +389,6 @@ export interface StopNextCord {
   kind: "stop-next-cord";
   id: number;
   keepsMap: boolean;
-  [k: string]: unknown;
 }
 /**
  * Undo the last edit.
@@ -427,7 +396,6 @@ export interface StopNextCord {
 export interface Undo {
   kind: "undo";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Announce a file, whose parts follow as binary messages that begin with this number.
@@ -443,7 +411,6 @@ export interface Upload {
   id: number;
   name: string;
   size: number;
-  [k: string]: unknown;
 }
 /**
  * The device as it is now.
@@ -468,7 +435,6 @@ export interface DeviceState {
   cords: CordState[];
   regions: string[];
   poses: string[];
-  [k: string]: unknown;
 }
 /**
  * A cord of the device.
@@ -496,7 +462,6 @@ export interface CordState {
   isSmooth: boolean;
   path: number[][];
   free: string[];
-  [k: string]: unknown;
 }
 /**
  * What sections of the body can show.
@@ -531,7 +496,6 @@ export interface InsideState {
   quantities: QuantityInfo[];
   colorMaps: ColorMap[];
   unknownColor: number[];
-  [k: string]: unknown;
 }
 /**
  * A simulated state.
@@ -543,7 +507,6 @@ export interface InsideState {
 export interface StateInfo {
   name: string;
   label: string;
-  [k: string]: unknown;
 }
 /**
  * A quantity that a section shows.
@@ -565,7 +528,6 @@ export interface QuantityInfo {
   colorMap: string;
   needsDirection: boolean;
   variesByState: boolean;
-  [k: string]: unknown;
 }
 /**
  * Colors of numbers.
@@ -580,7 +542,6 @@ export interface ColorMap {
   name: string;
   colors: number[][];
   isDiverging: boolean;
-  [k: string]: unknown;
 }
 /**
  * The work in the background, or the last one that has ended.
@@ -603,7 +564,6 @@ export interface Job {
   message: string;
   canPause: boolean;
   problem: Problem | null;
-  [k: string]: unknown;
 }
 /**
  * An error, as a page shows it.
@@ -621,7 +581,6 @@ export interface Problem {
   message: string;
   field: string;
   cord: string;
-  [k: string]: unknown;
 }
 /**
  * What the search of this browser does, or has found.
@@ -648,7 +607,6 @@ export interface NextCordState {
   error: number;
   drop: number;
   ends: number[][];
-  [k: string]: unknown;
 }
 /**
  * A short message that disappears by itself.
@@ -661,7 +619,6 @@ export interface Notice {
   kind: "notice";
   text: string;
   problem: Problem | null;
-  [k: string]: unknown;
 }
 /**
  * Which page is shown.
@@ -678,7 +635,6 @@ export interface Page {
   folder: string;
   problem: Problem | null;
   version: string;
-  [k: string]: unknown;
 }
 /**
  * The steps of the work, and what to do next.
@@ -687,7 +643,6 @@ export interface Pipeline {
   kind: "pipeline";
   steps: StepStatus[];
   next: NextAction;
-  [k: string]: unknown;
 }
 /**
  * One step of the work.
@@ -702,7 +657,6 @@ export interface StepStatus {
   name: "body" | "inside" | "make" | "measure" | "optimize" | "poses" | "sensors";
   state: "blocked" | "done" | "ready" | "stale";
   text: string;
-  [k: string]: unknown;
 }
 /**
  * What to do next.
@@ -718,7 +672,6 @@ export interface NextAction {
   hint: string;
   step: "body" | "inside" | "make" | "measure" | "optimize" | "poses" | "sensors";
   stage: ("mesh" | "optimize" | "report" | "simulate") | null;
-  [k: string]: unknown;
 }
 /**
  * What is expected of the drawn cords and of those that were built.
@@ -741,7 +694,6 @@ export interface Prediction {
   drawnProblem: Problem | null;
   built: number | null;
   isBuiltDrawn: boolean;
-  [k: string]: unknown;
 }
 /**
  * The error expected of cords, and the limits that they break.
@@ -763,7 +715,6 @@ export interface Judgement {
   cords: CordNumbers[];
   violations: Violation[];
   broken: number[][];
-  [k: string]: unknown;
 }
 /**
  * What is expected in a pose at its largest level.
@@ -777,7 +728,6 @@ export interface PoseError {
   pose: string;
   error: number;
   signals: number[];
-  [k: string]: unknown;
 }
 /**
  * Measured numbers of a cord.
@@ -793,7 +743,6 @@ export interface CordNumbers {
   length: number;
   radius: number | null;
   wall: number;
-  [k: string]: unknown;
 }
 /**
  * A limit that is broken.
@@ -809,7 +758,6 @@ export interface Violation {
   text: string;
   cords: string[];
   at: number[];
-  [k: string]: unknown;
 }
 /**
  * How far the search for another cord is.
@@ -820,7 +768,6 @@ export interface Violation {
 export interface ProposalProgress {
   kind: "proposal-progress";
   share: number | null;
-  [k: string]: unknown;
 }
 /**
  * The question whether the body's script may run.
@@ -833,7 +780,6 @@ export interface Question {
   kind: "question";
   path: string;
   files: ScriptFile[];
-  [k: string]: unknown;
 }
 /**
  * A file that would run.
@@ -847,7 +793,6 @@ export interface ScriptFile {
   name: string;
   text: string;
   size: number;
-  [k: string]: unknown;
 }
 /**
  * The answer to a request that sends no arrays.
@@ -862,7 +807,6 @@ export interface Reply {
   id: number;
   problem: Problem | null;
   result: unknown;
-  [k: string]: unknown;
 }
 export interface Results {
   "add-next-cord": CordResult;
@@ -904,7 +848,6 @@ export interface Results {
  */
 export interface CordResult {
   name: string;
-  [k: string]: unknown;
 }
 /**
  * Two cords next to each other; see `workflow.design.layout_judge.CordComparison`.
@@ -916,7 +859,6 @@ export interface Comparison {
   largestSignals: number[];
   correlation: number;
   isRedundant: boolean;
-  [k: string]: unknown;
 }
 /**
  * A cord while it is dragged.
@@ -936,7 +878,6 @@ export interface DragResult {
   snappedTo: string;
   judgement: Judgement | null;
   problem: Problem | null;
-  [k: string]: unknown;
 }
 /**
  * The outline of the body in a plane.
@@ -950,7 +891,6 @@ export interface PlaneOutline {
   segments: number[][][];
   low: number[];
   high: number[];
-  [k: string]: unknown;
 }
 /**
  * Numbers of a point of the body.
@@ -972,5 +912,4 @@ export interface PointNumbers {
   smallest: number;
   deviation: number;
   drop: number | null;
-  [k: string]: unknown;
 }
