@@ -48,7 +48,7 @@ export class LabelLayer {
   private readonly place = new Vector3();
 
   constructor(private readonly viewer: Viewer) {
-    this.element.className = "scene-labels";
+    this.element.className = "viewer-labels";
     this.stems.setAttribute("aria-hidden", "true");
     this.element.append(this.stems);
     viewer.overlay.append(this.element);
@@ -89,7 +89,7 @@ export class LabelLayer {
     known?.element.remove();
     known?.stem.remove();
     const element = document.createElement(label.onClick ? "button" : "span");
-    element.className = "scene-label";
+    element.className = "viewer-label";
     element.dataset.tone = label.tone;
     element.textContent = label.text;
     const stem = document.createElementNS(SVG, "line");

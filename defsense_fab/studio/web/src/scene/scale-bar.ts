@@ -11,7 +11,7 @@ export class ScaleBar {
   private shown = "";
 
   constructor(viewer: Viewer) {
-    this.element.className = "scene-scale";
+    this.element.className = "viewer-scale";
     this.element.setAttribute("role", "img");
     this.element.append(this.text, this.bar);
     viewer.overlay.append(this.element);

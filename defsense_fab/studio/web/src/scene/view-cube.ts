@@ -82,7 +82,7 @@ export class ViewCube {
     });
     return {
       container: this.viewer.overlay,
-      className: "scene-cube",
+      className: "viewer-cube",
       type: "cube",
       size: SIZE_PX,
       placement: "top-right",

@@ -63,12 +63,12 @@ export class Viewer {
     this.renderer.toneMapping = NoToneMapping;
     this.renderer.setPixelRatio(this.resolution.ratio);
     this.canvas = this.renderer.domElement;
-    this.canvas.className = "scene-canvas";
+    this.canvas.className = "viewer-canvas";
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "application");
     this.canvas.setAttribute("aria-label", "Scene");
-    this.overlay.className = "scene-overlay";
-    host.classList.add("scene-host");
+    this.overlay.className = "viewer-overlay";
+    host.classList.add("viewer");
     host.append(this.canvas, this.overlay);
     this.rig = new CameraRig(this.canvas, () => this.invalidate());
     this.body = new BodyLayer(
