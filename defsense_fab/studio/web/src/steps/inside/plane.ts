@@ -111,3 +111,22 @@ function orthonormal(axes: readonly number[][]): number[][] {
   x.addScaledVector(normal, -x.dot(normal)).normalize();
   return [x.toArray(), normal.clone().cross(x).toArray(), normal.toArray()];
 }
+
+/** Move a plane as another one was moved from `before` to `after`. */
+export function carry(plane: Frame, before: Frame, after: Frame): Frame {
+  const shift = vector(after.origin).sub(vector(before.origin));
+  const local = (v: Vector3) => before.axes.map((row) => v.dot(vector(row)));
+  const combine = (weights: number[]) =>
+    weights.reduce((sum, w, k) => sum.addScaledVector(vector(plane.axes[k]!), w), new Vector3());
+  const origin = vector(plane.origin).add(combine(local(shift))).toArray();
+  const axes = after.axes.map((row) => combine(local(vector(row))).toArray());
+  return { origin, axes: orthonormal(axes) };
+}
+
+/** The place of a point (3,) of a plane in the plane's other position. */
+export function carryPoint(point: readonly number[], from: Frame, to: Frame): number[] {
+  const local = from.axes.map((row) => vector(point).sub(vector(from.origin)).dot(vector(row)));
+  const moved = vector(to.origin);
+  local.forEach((weight, k) => moved.addScaledVector(vector(to.axes[k]!), weight));
+  return moved.toArray();
+}
