@@ -124,6 +124,11 @@ export class Viewer {
     return [((x + 1) / 2) * this.width, ((1 - y) / 2) * this.height];
   }
 
+  /** Return the pixel of a place in the scene, mm. */
+  projectAt(x: number, y: number, z: number): [number, number] {
+    return this.project(new Vector3(x, y, z));
+  }
+
   /** Return the ray of view through a pixel. */
   rayAt(x: number, y: number): Ray {
     const [u, v] = [(2 * x) / this.width - 1, 1 - (2 * y) / this.height];

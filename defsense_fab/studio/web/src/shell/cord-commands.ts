@@ -4,7 +4,7 @@ import { connection, device } from "../state/connection";
 import { isLeftPanelOpen } from "../state/layout";
 import { renaming } from "../state/renaming";
 import { run } from "../state/run";
-import { isHidden, select, selectedNames, toggleHidden } from "../state/selection";
+import { select, selectedNames } from "../state/selection";
 import { showToast } from "../state/toasts";
 import { type MenuEntry, commandEntry } from "../ui/menu";
 
@@ -89,22 +89,11 @@ export const cordCommands = (): readonly Command[] => [
     },
   },
   {
-    id: "cord.hide",
-    label: "Hide or show",
-    group: "Cords",
-    shortcut: "H",
-    when: hasSome,
-    run: () => {
-      const items = selectedCords().map((name) => ({ kind: "cord" as const, name }));
-      const areHidden = items.every(isHidden);
-      for (const item of items) if (isHidden(item) === areHidden) toggleHidden(item);
-    },
-  },
-  {
     id: "cord.delete",
     label: "Delete",
     group: "Cords",
     shortcut: "Delete",
+    otherShortcut: "Backspace",
     when: hasSome,
     run: () => void deleteCords(selectedCords()),
   },
@@ -118,7 +107,7 @@ export function cordMenu(): MenuEntry[] {
     ...AXES.flatMap((axis) => commandEntry(`cord.mirror-${axis}`, "mirror")),
     "separator",
     ...commandEntry("cord.lock", "lock"),
-    ...commandEntry("cord.hide", "eye"),
+    ...commandEntry("hide", "eye"),
     "separator",
     ...commandEntry("cord.delete", "trash", true),
   ];

@@ -34,7 +34,7 @@ function close(): void {
   position.value = null;
 }
 
-/** The card of the walk; the page stays usable beside it. */
+/** The card of the walk; the rest of the page stays usable. */
 export function Introduction() {
   const at = position.value;
   if (at === null) return null;

@@ -51,6 +51,7 @@ export function showDevice(): void {
 
 // A device that is opened is shown, at the step that is next to do.
 let folder: string | null = null;
+let isStepChosen = false;
 connection.listen("page", (event) => {
   if (event.screen !== "start" && event.folder !== folder) {
     isStartWanted.value = false;
@@ -59,7 +60,6 @@ connection.listen("page", (event) => {
   }
 });
 
-let isStepChosen = false;
 connection.listen("pipeline", ({ next }) => {
   if (!isStepChosen) step.value = next.step;
   isStepChosen = true;

@@ -1,9 +1,9 @@
-// Menus: one that a button opens, and one at a point for what is under the pointer.
+// Menus: those of buttons, and context menus at the pointer.
 import { signal } from "@preact/signals";
 import * as zagMenu from "@zag-js/menu";
-import { Portal, normalizeProps, useMachine } from "@zag-js/preact";
+import { normalizeProps, useMachine } from "@zag-js/preact";
 import type { ComponentChildren } from "preact";
-import { useEffect, useId, useRef } from "preact/hooks";
+import { useId, useLayoutEffect, useRef } from "preact/hooks";
 import { type Command, findCommand, isAvailable } from "../commands";
 import { Icon, type IconName } from "./icons";
 import { Keys, tooltip } from "./tooltip";
@@ -53,7 +53,7 @@ export function MenuButton({ label, icon = "more", children, entries }: MenuButt
   const service = useMachine(zagMenu.machine, {
     id: useId(),
     "aria-label": label,
-    positioning: { placement: "bottom-end", gutter: 6 },
+    positioning: { placement: "bottom-end", strategy: "fixed", gutter: 6 },
     onSelect: ({ value }) => select(entries(), value),
   });
   const api = zagMenu.connect(service, normalizeProps);
@@ -82,12 +82,20 @@ interface OpenMenu {
 const openMenu = signal<OpenMenu | null>(null);
 
 /** Open a menu at a point of the window. */
-export function openContextMenu(point: OpenMenu["point"], label: string, entries: readonly MenuEntry[]): void {
+export function openContextMenu(
+  point: OpenMenu["point"],
+  label: string,
+  entries: readonly MenuEntry[],
+): void {
   openMenu.value = entries.length > 0 ? { point, label, entries } : null;
 }
 
 /** Open a menu at the place of an event: at the pointer, or below the element for a key. */
-export function openContextMenuFor(event: MouseEvent, label: string, entries: readonly MenuEntry[]): void {
+export function openContextMenuFor(
+  event: MouseEvent,
+  label: string,
+  entries: readonly MenuEntry[],
+): void {
   event.preventDefault();
   event.stopPropagation();
   const { left, bottom } = (event.currentTarget as Element).getBoundingClientRect();
@@ -109,7 +117,12 @@ function PointMenu({ point, label, entries }: OpenMenu) {
     "aria-label": label,
     open: true,
     anchorPoint: point,
-    positioning: { placement: "bottom-start", gutter: 2 },
+    positioning: {
+      placement: "bottom-start",
+      strategy: "fixed",
+      gutter: 2,
+      getAnchorRect: () => ({ ...point, width: 0, height: 0 }),
+    },
     onSelect: ({ value }) => {
       close();
       select(entries, value);
@@ -134,19 +147,17 @@ interface MenuContentProps {
 
 function MenuContent({ api, label, entries }: MenuContentProps) {
   const layer = useRef<HTMLDivElement>(null);
-  useEffect(() => layer.current?.showPopover(), []);
+  useLayoutEffect(() => layer.current?.showPopover(), []);
   return (
-    <Portal>
-      <div ref={layer} class="menu-layer" popover="manual">
-        <div {...api.getPositionerProps()}>
-          <div {...api.getContentProps()} class="menu" aria-label={label} aria-labelledby={undefined}>
-            {entries.map((entry, index) => (
-              <MenuRow key={isAction(entry) ? entry.id : index} api={api} entry={entry} />
-            ))}
-          </div>
+    <div ref={layer} class="menu-layer" popover="manual">
+      <div {...api.getPositionerProps()}>
+        <div {...api.getContentProps()} class="menu" aria-label={label} aria-labelledby={undefined}>
+          {entries.map((entry, index) => (
+            <MenuRow key={isAction(entry) ? entry.id : index} api={api} entry={entry} />
+          ))}
         </div>
       </div>
-    </Portal>
+    </div>
   );
 }
 

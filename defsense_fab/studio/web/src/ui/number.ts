@@ -20,7 +20,7 @@ export function parseNumber(text: string, unit = ""): number | null {
 
 /** Why a number is not allowed, such as "must be greater than 0"; empty if it is. */
 export function rangeError(value: number, { min, max, above }: Range, unit = ""): string {
-  const limit = (bound: number) => `${formatNumber(bound)}${unit && ` ${unit}`}`;
+  const limit = (bound: number) => formatNumber(bound) + (unit && bound !== 0 ? ` ${unit}` : "");
   if (above !== undefined && value <= above) return `must be greater than ${limit(above)}`;
   if (min !== undefined && value < min) return `must be at least ${limit(min)}`;
   if (max !== undefined && value > max) return `must be at most ${limit(max)}`;

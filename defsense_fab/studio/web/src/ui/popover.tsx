@@ -5,7 +5,7 @@ import { placeNextTo } from "./place";
 import { tooltip } from "./tooltip";
 
 interface PopoverProps {
-  /** Name of the button, and of what it opens. */
+  /** Name of the button and of the panel. */
   label: string;
   icon?: IconName;
   /** Text of the button; without it, it is an icon. */

@@ -7,7 +7,7 @@ interface Column<T> {
 }
 
 interface TableProps<T> {
-  /** What the table lists; only read out. */
+  /** Name of the table, for screen readers. */
   caption: string;
   columns: readonly Column<T>[];
   rows: readonly T[];

@@ -15,7 +15,7 @@ export interface TreeNode {
   color?: string;
   /** Number at the right of a group. */
   count?: number;
-  /** What is wrong with it; shown as a red mark. */
+  /** A broken limit, shown as a red mark. */
   problem?: string;
   isDimmed?: boolean;
   isSelected?: boolean;
@@ -24,6 +24,8 @@ export interface TreeNode {
   children?: readonly TreeNode[];
   onSelect?: (isAdded: boolean) => void;
   onHover?: (isHovered: boolean) => void;
+  /** Called when it is clicked twice. */
+  onOpen?: () => void;
   onRename?: (name: string) => void;
   onDelete?: () => void;
   onMenu?: (event: MouseEvent) => void;
@@ -50,6 +52,8 @@ interface TreeProps {
   renaming: string | null;
   onRenaming: (id: string | null) => void;
 }
+
+const LONG_NAME = 18; // characters, which may not fit in the row
 
 /** Whether a node that has children shows them. */
 const openState = (id: string) => panelState(`tree.${id}`);
@@ -154,6 +158,7 @@ function TreeRow({ node, level, isActive, isRenaming, onActive, onRenamed }: Tre
         if (node.onSelect) node.onSelect(event.ctrlKey || event.metaKey || event.shiftKey);
         else toggle(node);
       }}
+      onDblClick={node.onOpen}
       onContextMenu={node.onMenu}
       onPointerEnter={() => node.onHover?.(true)}
       onPointerLeave={() => node.onHover?.(false)}
@@ -171,9 +176,11 @@ function TreeRow({ node, level, isActive, isRenaming, onActive, onRenamed }: Tre
       {isRenaming ? (
         <NameInput label={label} onDone={onRenamed} />
       ) : (
-        <span class="tree-label">{label}</span>
+        <span class="tree-label" {...tooltip(label.length > LONG_NAME ? label : undefined)}>
+          {label}
+        </span>
       )}
-      {node.count !== undefined && <span class="tree-count">{node.count}</span>}
+      {node.count !== undefined && <span class="tree-count" data-count={node.count} />}
       <TreeButtons buttons={buttons} />
       {problem && (
         <span class="tree-problem" {...tooltip(problem)}>
