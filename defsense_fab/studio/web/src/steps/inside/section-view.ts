@@ -5,8 +5,8 @@ import type { ColorMap, InsideState, PointNumbers, QuantityInfo, ShowSection } f
 import type { Frame } from "../../scene/types";
 import { connection } from "../../state/connection";
 import { showToast } from "../../state/toasts";
+import { LatestRequest } from "../sensors/latest-request";
 import { type ColorRange, ColorScale, joinRanges } from "./color-scale";
-import { LatestRequest } from "./latest-request";
 import { type BodyShape, shapeOf } from "./shapes";
 
 export type QuantityName = ShowSection["quantity"];
@@ -26,8 +26,6 @@ export interface SectionData {
   values: Float32Array;
   smallest: number | null;
   largest: number | null;
-  /** Ends of a line along the direction (2, 3), or null. */
-  direction: number[][] | null;
 }
 
 /** A point of the section under the pointer. */
@@ -71,11 +69,7 @@ export class SectionView {
     return map && this.range.value ? new ColorScale(map, this.range.value) : null;
   });
 
-  private readonly loader = new LatestRequest<Content, ArrayMessage>(
-    (content) => connection.fetch("show-section", content),
-    (answer, content) => this.show(answer, content),
-    (error) => this.fail(error),
-  );
+  private readonly requests = new LatestRequest<ArrayMessage>();
   private readonly stops: (() => void)[] = [];
   private restTimer = 0;
   private revision = -1;
@@ -100,7 +94,7 @@ export class SectionView {
     return () => {
       for (const stop of this.stops.splice(0)) stop();
       clearTimeout(this.restTimer);
-      this.loader.clear();
+      this.requests.drop();
       this.hover.value = null;
     };
   }
@@ -108,7 +102,7 @@ export class SectionView {
   /** Request the same section again, as after the search has found a map. */
   refresh(): void {
     const content = this.content();
-    if (content) this.loader.give(content);
+    if (content) this.load(content);
   }
 
   /** Get all numbers of a point (3,) at rest. */
@@ -171,8 +165,16 @@ export class SectionView {
     if (!content) return;
     this.requestedAt = performance.now();
     this.picked.value = null;
-    this.loader.give({ ...content, detail: "coarse" });
-    this.restTimer = window.setTimeout(() => this.loader.give(content), REST_MS);
+    this.load({ ...content, detail: "coarse" });
+    this.restTimer = window.setTimeout(() => this.load(content), REST_MS);
+  }
+
+  private load(content: Content): void {
+    this.requests.ask(
+      () => connection.fetch("show-section", content),
+      (answer) => this.show(answer, content),
+      (error) => this.fail(error),
+    );
   }
 
   private requestShape(): void {
@@ -206,7 +208,6 @@ export class SectionView {
         values: arrays["values"] as Float32Array,
         smallest: facts["smallest"],
         largest: facts["largest"],
-        direction: facts["direction"],
       };
       if (isCoarse) this.delayMs.value = performance.now() - this.requestedAt;
     });
