@@ -5,6 +5,7 @@ import type { Frame } from "./types";
 import type { Viewer } from "./viewer";
 
 const SIZE_PX = 84;
+const HEAD_PX = 10;
 const ARC_DEG = [18, 72] as const;
 const ARC_POINTS = 12;
 const STEP_MM = 0.5;
@@ -198,7 +199,7 @@ export class PlaneHandle {
     const normal = this.axis(this.frame, 2);
     const [x, y] = this.viewer.project(this.center);
     const [u, v] = this.tip();
-    this.arrow.setAttribute("d", `M${x} ${y}L${u} ${v}`);
+    this.arrow.setAttribute("d", `M${x} ${y}L${u} ${v}${arrowHead(u - x, v - y, u, v)}`);
     this.shift.place([u, v]);
     this.turns.forEach((button, axis) => {
       const toward = this.axis(this.frame!, 1 - axis);
@@ -210,6 +211,17 @@ export class PlaneHandle {
       button.place(points[ARC_POINTS >> 1]!);
     });
   }
+}
+
+/** Return the path of an arrow's head beyond the button at the tip; none if it points at the eye. */
+function arrowHead(dx: number, dy: number, u: number, v: number): string {
+  const length = Math.hypot(dx, dy);
+  if (length < HEAD_PX) return "";
+  const [ax, ay] = [dx / length, dy / length];
+  const [tx, ty] = [u + 2 * HEAD_PX * ax, v + 2 * HEAD_PX * ay];
+  const [bx, by] = [tx - HEAD_PX * ax, ty - HEAD_PX * ay];
+  const half = HEAD_PX / 2;
+  return `L${tx} ${ty}M${bx - half * ay} ${by + half * ax}L${tx} ${ty}L${bx + half * ay} ${by - half * ax}`;
 }
 
 function shifted({ origin, axes }: Frame, distance: number): Frame {
