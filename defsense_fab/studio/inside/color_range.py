@@ -8,11 +8,12 @@ import numpy as np
 
 from ...core.arrays import Float
 
-_TICKS = 5  # about, between the ends
+_TICKS = 7  # at most about so many between the ends
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)  # times a power of ten
 _MIN_WIDTH = 1e-6  # of a range
 _NEGLIGIBLE = 0.02  # of the width: a range does not reach beyond zero for less
-_OUTSIDE_PERCENT = 0.5  # of the numbers below a range, and above it
+_OUTSIDE_PERCENT = 0.5  # of the numbers below a range, and above it, if they are outliers
+_OUTLIER_FACTOR = 1.6  # by which numbers widen a range if they are outliers
 
 
 @dataclass(frozen=True)
@@ -52,9 +53,14 @@ def round_range(low: float, high: float, *, has_zero: bool = True) -> ColorRange
 
 
 def range_of(numbers: Float, *, has_zero: bool = True) -> ColorRange:
-    """Return a range with round ends that contains 99 % of the known numbers."""
+    """Return a range with round ends that contains the known numbers, or 99 % of them.
+
+    Corners of a body have large strains; a range does not contain them if they would widen it.
+    """
     known = numbers[np.isfinite(numbers)]
     if not len(known):
         return round_range(0.0, 1.0)
     low, high = np.percentile(known, [_OUTSIDE_PERCENT, 100 - _OUTSIDE_PERCENT])
+    if np.ptp(known) <= _OUTLIER_FACTOR * (high - low):
+        low, high = known.min(), known.max()
     return round_range(float(low), float(high), has_zero=has_zero)

@@ -10,7 +10,7 @@ from defsense_fab.studio.inside.color_range import range_of, round_range
     ("low", "high", "expected"),
     [
         (0.0, 9.4, (0.0, 10.0)),
-        (-3.1, 9.4, (-5.0, 10.0)),
+        (-3.1, 9.4, (-4.0, 10.0)),
         (-0.01, 9.4, (0.0, 10.0)),
         (2.0, 9.4, (0.0, 10.0)),
         (-9.4, -1.0, (-10.0, 0.0)),

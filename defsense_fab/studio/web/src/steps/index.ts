@@ -1,6 +1,3 @@
-// Registers the panels of all steps. A step that has none yet shows its state.
-import { STEPS } from "../state/step";
-import { StepOverview } from "./step-overview";
-import { registerStep } from "./registry";
-
-for (const name of STEPS) registerStep(name, { inspector: StepOverview });
+// Registers the panels of all steps.
+import "./overviews";
+import "./inside";

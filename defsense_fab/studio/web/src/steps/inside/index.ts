@@ -4,7 +4,7 @@ import { registerStep } from "../registry";
 import "./inside.css";
 import { InsideInspector } from "./inspector";
 import { SectionLegend } from "./legend";
-import { view } from "./inside-state";
+import { openInside, view } from "./inside-state";
 import { StatesStrip } from "./states-strip";
 import { InsideToolbar } from "./toolbar";
 
@@ -12,6 +12,7 @@ registerStep("inside", {
   inspector: InsideInspector,
   toolbar: InsideToolbar,
   legend: () => h(SectionLegend, { view }),
+  scene: openInside,
   bottom: StatesStrip,
   bottomTitle: "States",
 });

@@ -31,7 +31,7 @@ export function InsideInspector() {
         <PointNumbers />
       </Section>
       <Section title="Another cord" name="inside-next-cord">
-        <NextCordPanel tool={tool} view={view} />
+        <NextCordPanel tool={tool} />
       </Section>
     </>
   );
@@ -149,15 +149,18 @@ function PlaneFields() {
   );
 }
 
+type Row = [name: string, value: string];
+
 function PointNumbers() {
   const point = view.picked.value;
   if (!point) return <p class="field-help">Click the section to see all numbers of a point.</p>;
   const info = view.info.value;
-  const rows: [string, string][] = [
+  const rows: Row[] = [
     ["Largest strain", percent(point.largest)],
     ["Smallest strain", percent(point.smallest)],
-    ...(info?.needsDirection ? [["Along the direction", percent(point.along)] as [string, string]] : []),
+    ...(info?.needsDirection ? [["Along the direction", percent(point.along)] as Row] : []),
     ["Variation over all states", `${point.deviation.toFixed(1)} %`],
+    ...(point.drop === null ? [] : [["Error with a cord here", millimeters(-point.drop)] as Row]),
     ["At rest", coordinates(point.rest)],
     ["In this state", coordinates(point.position)],
   ];
@@ -176,6 +179,10 @@ function PointNumbers() {
 function percent(value: number): string {
   const text = Math.abs(value).toFixed(1);
   return Number(text) === 0 ? "0.0 %" : `${value < 0 ? "\u2212" : "+"}${text} %`;
+}
+
+function millimeters(value: number): string {
+  return `${value > 0 ? "+" : ""}${value.toFixed(2).replace("-", "\u2212")} mm`;
 }
 
 function coordinates(point: readonly number[]): string {

@@ -2,7 +2,8 @@
 import { useEffect, useRef } from "preact/hooks";
 import { Checkbox } from "../../ui/choices";
 import { type ColorScale, formatValue } from "./color-scale";
-import { inside, type SectionView } from "./section-view";
+import { search } from "./next-cord";
+import { inside, type SectionData, type SectionView } from "./section-view";
 
 const BAR = { width: 232, height: 12 };
 
@@ -26,13 +27,16 @@ export function SectionLegend({ view }: { view: SectionView }) {
         </p>
       ) : (
         scale &&
-        section && (
+        section &&
+        (section.smallest === null ? (
+          <p class="legend-note">{noValueText()}</p>
+        ) : (
           <>
-            <ColorBar scale={scale} hovered={hovered} />
+            <ColorBar scale={scale} section={section} hovered={hovered} />
             {isGain ? (
               <p class="legend-note">
                 <span class="legend-unknown" style={{ background: unknownColor() }} />
-                No cord fits, or not searched
+                None fits
               </p>
             ) : (
               <p class="legend-note">
@@ -40,7 +44,7 @@ export function SectionLegend({ view }: { view: SectionView }) {
               </p>
             )}
           </>
-        )
+        ))
       )}
       {!isGain && (
         <Checkbox
@@ -54,9 +58,18 @@ export function SectionLegend({ view }: { view: SectionView }) {
   );
 }
 
-function ColorBar({ scale, hovered }: { scale: ColorScale; hovered: number | undefined }) {
+interface ColorBarProps {
+  scale: ColorScale;
+  section: SectionData;
+  /** Value under the pointer. */
+  hovered: number | undefined;
+}
+
+function ColorBar({ scale, section, hovered }: ColorBarProps) {
   const canvas = useRef<HTMLCanvasElement>(null);
   useEffect(() => draw(canvas.current!, scale), [scale]);
+  const ticks = scale.ticks();
+  const { low, high } = scale.range;
   const percent = (value: number) => `${100 * scale.shareOf(value)}%`;
   return (
     <div class="color-bar" style={{ width: `${BAR.width}px` }}>
@@ -64,8 +77,10 @@ function ColorBar({ scale, hovered }: { scale: ColorScale; hovered: number | und
       {hovered !== undefined && !Number.isNaN(hovered) && (
         <span class="bar-marker" style={{ left: percent(hovered) }} />
       )}
-      {scale.ticks().map((value) => (
+      {ticks.map((value, k) => (
         <span key={value} class="bar-tick" style={{ left: percent(value) }}>
+          {k === 0 && isBeyond(section.smallest, low, -1) && "\u2264"}
+          {k === ticks.length - 1 && isBeyond(section.largest, high, 1) && "\u2265"}
           {formatValue(value, scale.range)}
         </span>
       ))}
@@ -83,6 +98,16 @@ function draw(canvas: HTMLCanvasElement, scale: ColorScale): void {
     image.data.set(scale.table.subarray(4 * index, 4 * index + 4), 4 * x);
   }
   context.putImageData(image, 0, 0);
+}
+
+/** Whether a value lies outside a range, above or below its end. */
+function isBeyond(value: number | null, end: number, sign: 1 | -1): boolean {
+  return value !== null && sign * (value - end) > 1e-6 * Math.abs(end);
+}
+
+function noValueText(): string {
+  if (search.value?.state === "searching") return "Searching...";
+  return search.value?.state === "found" ? "None fits in this plane" : "Not searched";
 }
 
 function unknownColor(): string {

@@ -52,7 +52,7 @@ export function skinMaterial(plane: PlaneUniforms): ShaderMaterial {
     side: DoubleSide,
     polygonOffset: true,
     polygonOffsetFactor: 2,
-    polygonOffsetUnits: 2,
+    polygonOffsetUnits: 8,
   });
 }
 
@@ -125,6 +125,9 @@ export function sectionMaterial(plane: PlaneUniforms): ShaderMaterial {
       unknown: { value: new Vector3(0.6, 0.6, 0.6) },
     },
     side: DoubleSide,
+    polygonOffset: true,
+    polygonOffsetFactor: 1,
+    polygonOffsetUnits: 4,
   });
 }
 

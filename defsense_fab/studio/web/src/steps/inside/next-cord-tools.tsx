@@ -1,7 +1,7 @@
 // The search for another cord: its switch with its progress, and what adds a cord.
 import { useId } from "preact/hooks";
 import { device } from "../../state/connection";
-import { Button, IconButton } from "../../ui/button";
+import { Button } from "../../ui/button";
 import { SegmentedControl } from "../../ui/choices";
 import { ProgressBar } from "../../ui/feedback";
 import { NumberField } from "../../ui/number-field";
@@ -66,21 +66,17 @@ export function NextCordActions({ tool, view }: Props) {
       >
         Add the best
       </Button>
-      {isSearching() && (
-        <IconButton icon="stop" label="Cancel the search" onClick={() => tool.cancel()} />
-      )}
     </>
   );
 }
 
 /** Which cords are tried, and what the best one would change. */
-export function NextCordPanel({ tool, view }: Props) {
+export function NextCordPanel({ tool }: { tool: NextCordTool }) {
   const id = useId();
   const length = tool.length.value;
   const short = inside.value?.shortCord ?? 30;
   return (
     <div class="next-cord">
-      <NextCordToggle tool={tool} />
       <div class="field stack">
         <span id={id} class="field-label">
           Cords to try
@@ -108,9 +104,11 @@ export function NextCordPanel({ tool, view }: Props) {
         />
       )}
       {tool.isOn.value && <SearchResult />}
-      <div class="next-cord-actions">
-        <NextCordActions tool={tool} view={view} />
-      </div>
+      {tool.isOn.value && isSearching() && (
+        <Button icon="stop" onClick={() => tool.cancel()}>
+          Cancel the search
+        </Button>
+      )}
     </div>
   );
 }

@@ -13,6 +13,7 @@ const AXIS_FRAMES: Record<Axis, number[][]> = {
 };
 /** Cosine of the angle within which a plane counts as normal to an axis. */
 const ALIGNED = 0.99999;
+const LINE_POINTS = 24;
 
 const vector = (values: readonly number[]) => new Vector3(values[0], values[1], values[2]);
 
@@ -123,10 +124,25 @@ export function carry(plane: Frame, before: Frame, after: Frame): Frame {
   return { origin, axes: orthonormal(axes) };
 }
 
-/** The place of a point (3,) of a plane in the plane's other position. */
-export function carryPoint(point: readonly number[], from: Frame, to: Frame): number[] {
-  const local = from.axes.map((row) => vector(point).sub(vector(from.origin)).dot(vector(row)));
-  const moved = vector(to.origin);
-  local.forEach((weight, k) => moved.addScaledVector(vector(to.axes[k]!), weight));
-  return moved.toArray();
+/**
+ * Points of a straight line between two points at rest, in the shown state.
+ *
+ * Each moves as the nearest of the points whose places are known in both.
+ */
+export function carryLine(
+  [from, to]: readonly number[][],
+  rest: Float32Array,
+  moved: Float32Array,
+): number[][] {
+  return Array.from({ length: LINE_POINTS }, (_, i) => {
+    const share = i / (LINE_POINTS - 1);
+    const point = from!.map((v, k) => v + share * (to![k]! - v));
+    let [nearest, smallest] = [0, Infinity];
+    for (let at = 0; at < rest.length; at += 3) {
+      let distance = 0;
+      for (let k = 0; k < 3; k++) distance += (rest[at + k]! - point[k]!) ** 2;
+      if (distance < smallest) [nearest, smallest] = [at, distance];
+    }
+    return point.map((v, k) => v + moved[nearest + k]! - rest[nearest + k]!);
+  });
 }

@@ -6,6 +6,7 @@ import { Readout } from "../../scene/readout";
 import { tubeMaterial } from "../../scene/shading";
 import { Tube } from "../../scene/tube";
 import type { Frame } from "../../scene/types";
+import { areCordsShown, isBodyShown } from "../../scene/stage";
 import type { Viewer } from "../../scene/viewer";
 import { device } from "../../state/connection";
 import { isHidden } from "../../state/selection";
@@ -14,7 +15,7 @@ import { CutBody } from "./cut-body";
 import { CutCords } from "./cut-cords";
 import { planeUniforms } from "./materials";
 import type { NextCordTool } from "./next-cord";
-import { carry, carryPoint, normalOf, offsetOf, shownPlane } from "./plane";
+import { carry, carryLine, normalOf, offsetOf, shownPlane } from "./plane";
 import { SectionMesh } from "./section-mesh";
 import { inside, type ProbedPoint, type SectionData, type SectionView } from "./section-view";
 
@@ -80,8 +81,7 @@ export class SectionLayer {
     this.viewer.scene.remove(this.group);
     this.viewer.labels.set("inside", []);
     if (this.options.hasBody) {
-      this.viewer.body.setVisible(true);
-      this.viewer.cords.object.visible = true;
+      isBodyShown.value = areCordsShown.value = true;
       this.viewer.picker.isEnabled = true;
       this.viewer.setPlain(false);
       this.viewer.rig.leave();
@@ -129,15 +129,14 @@ export class SectionLayer {
         this.viewer.invalidate();
       }),
       effect(() => this.showDirection(view.section.value, view.angle.value)),
-      effect(() => this.showCandidate(tool?.candidate.value ?? null)),
+      effect(() => this.showCandidate(tool?.candidate.value ?? null, view.section.value)),
       effect(() => this.showPicked()),
     ];
   }
 
   private hideBody(): void {
     const { viewer } = this;
-    viewer.body.setVisible(false);
-    viewer.cords.object.visible = false;
+    isBodyShown.value = areCordsShown.value = false;
     viewer.picker.isEnabled = false;
     viewer.setPlain(true); // the shadow is that of the body at rest
     viewer.cube.setHidden(false);
@@ -204,13 +203,9 @@ export class SectionLayer {
     this.viewer.invalidate();
   }
 
-  private showCandidate(ends: number[][] | null): void {
-    const plane = this.view.plane.value;
-    if (!ends || !plane || !this.shown) this.candidate.set(null, 1);
-    else {
-      const path = ends.map((point) => carryPoint(point, plane, this.shown!));
-      this.candidate.set(path, device.peek()?.cordRadius ?? 1);
-    }
+  private showCandidate(ends: number[][] | null, data: SectionData | null): void {
+    const path = ends && data && carryLine(ends, data.rest, data.vertices);
+    this.candidate.set(path, device.peek()?.cordRadius ?? 1);
     this.viewer.invalidate();
   }
 

@@ -1,11 +1,8 @@
 // The tools on the scene: the plane, the view, and the search for another cord.
-import { effect } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import { type Command, useCommands } from "../../commands";
-import { viewer } from "../../scene/scene-view";
 import { IconButton } from "../../ui/button";
 import { SegmentedControl } from "../../ui/choices";
-import { flipPlane, isFacing, openInside, setAxis, showNextState, tool, view } from "./inside-state";
+import { flipPlane, isFacing, setAxis, showNextState, tool, view } from "./inside-state";
 import { NextCordActions, NextCordToggle } from "./next-cord-tools";
 import { AXES, axisOf } from "./plane";
 import { inside } from "./section-view";
@@ -58,10 +55,9 @@ const insideCommands = (): readonly Command[] => [
   },
 ];
 
-/** The tools; while they are on the page, the section is in the scene. */
+/** The tools of the plane and of the search. */
 export function InsideToolbar() {
   useCommands(insideCommands);
-  useEffect(() => effect(() => (viewer.value ? openInside(viewer.value) : undefined)), []);
   const plane = view.plane.value;
   if (!plane) return null;
   return (
@@ -90,11 +86,6 @@ export function InsideToolbar() {
         shortcut="L"
         isPressed={isFacing.value}
         onClick={() => (isFacing.value = !isFacing.value)}
-      />
-      <IconButton
-        icon="fit"
-        label="Fit the view to the body"
-        onClick={() => viewer.peek()?.rig.fit()}
       />
       <span class="tool-line" aria-hidden="true" />
       <NextCordToggle tool={tool} />
