@@ -14,6 +14,8 @@ const AXIS_FRAMES: Record<Axis, number[][]> = {
 /** Cosine of the angle within which a plane counts as normal to an axis. */
 const ALIGNED = 0.99999;
 const LINE_POINTS = 24;
+/** Squared distance that is added so that lines are smooth, times their squared length. */
+const BLUR = 1e-4;
 
 const vector = (values: readonly number[]) => new Vector3(values[0], values[1], values[2]);
 
@@ -127,22 +129,25 @@ export function carry(plane: Frame, before: Frame, after: Frame): Frame {
 /**
  * Points of a straight line between two points at rest, in the shown state.
  *
- * Each moves as the nearest of the points whose places are known in both.
+ * Each moves as the points around it whose places are known in both; the nearest count most.
  */
 export function carryLine(
   [from, to]: readonly number[][],
   rest: Float32Array,
   moved: Float32Array,
 ): number[][] {
+  const blur = BLUR * from!.reduce((sum, v, k) => sum + (to![k]! - v) ** 2, 0);
   return Array.from({ length: LINE_POINTS }, (_, i) => {
     const share = i / (LINE_POINTS - 1);
     const point = from!.map((v, k) => v + share * (to![k]! - v));
-    let [nearest, smallest] = [0, Infinity];
+    const [shift, total] = [[0, 0, 0], { weight: 0 }];
     for (let at = 0; at < rest.length; at += 3) {
-      let distance = 0;
+      let distance = blur;
       for (let k = 0; k < 3; k++) distance += (rest[at + k]! - point[k]!) ** 2;
-      if (distance < smallest) [nearest, smallest] = [at, distance];
+      const weight = distance ** -3;
+      total.weight += weight;
+      for (let k = 0; k < 3; k++) shift[k]! += weight * (moved[at + k]! - rest[at + k]!);
     }
-    return point.map((v, k) => v + moved[nearest + k]! - rest[nearest + k]!);
+    return point.map((v, k) => v + shift[k]! / total.weight);
   });
 }

@@ -168,6 +168,7 @@ export class SectionLayer {
     const { view } = this;
     const plane = view.plane.peek();
     if (!plane || !this.shown) return;
+    if (!this.drag) view.setDragged(true);
     this.drag ??= { plane, shown: this.shown };
     const moved = carry(this.drag.plane, this.drag.shown, frame);
     view.plane.value = moved;
@@ -180,6 +181,7 @@ export class SectionLayer {
   private drop(): void {
     this.drag = null;
     this.readout.hide();
+    this.view.setDragged(false);
     const data = this.view.section.peek();
     if (data) this.setSection(data);
   }

@@ -11,8 +11,10 @@ import { type BodyShape, shapeOf } from "./shapes";
 
 export type QuantityName = ShowSection["quantity"];
 
-/** Time without a move of the plane after which the fine section is requested, ms. */
+/** Time without a change after which the fine section is requested, ms. */
 const REST_MS = 150;
+/** The same while the plane is dragged, when a coarse section is to follow soon. */
+const DRAG_REST_MS = 600;
 
 /** A section with its values. */
 export interface SectionData {
@@ -73,6 +75,7 @@ export class SectionView {
   private readonly stops: (() => void)[] = [];
   private restTimer = 0;
   private revision = -1;
+  private isDragged = false;
   private requestedAt = 0;
 
   /**
@@ -99,8 +102,15 @@ export class SectionView {
     };
   }
 
+  /** Set whether the plane is dragged; the fine section follows when it is dropped. */
+  setDragged(isDragged: boolean): void {
+    this.isDragged = isDragged;
+    if (!isDragged) this.refresh();
+  }
+
   /** Request the same section again, as after the search has found a map. */
   refresh(): void {
+    clearTimeout(this.restTimer);
     const content = this.content();
     if (content) this.load(content);
   }
@@ -166,7 +176,7 @@ export class SectionView {
     this.requestedAt = performance.now();
     this.picked.value = null;
     this.load({ ...content, detail: "coarse" });
-    this.restTimer = window.setTimeout(() => this.load(content), REST_MS);
+    this.restTimer = window.setTimeout(() => this.load(content), this.isDragged ? DRAG_REST_MS : REST_MS);
   }
 
   private load(content: Content): void {
