@@ -5,7 +5,6 @@ import type { Frame } from "./types";
 import type { Viewer } from "./viewer";
 
 const SIZE_PX = 84;
-const HEAD_PX = 10;
 const ARC_DEG = [18, 72] as const;
 const ARC_POINTS = 12;
 const STEP_MM = 0.5;
@@ -40,6 +39,7 @@ export class PlaneHandle {
   ) {
     this.svg.setAttribute("class", "viewer-lines");
     this.svg.setAttribute("aria-hidden", "true");
+    this.arrow.setAttribute("class", "arrow");
     this.svg.append(this.arrow, ...this.arcs);
     for (const arc of this.arcs) arc.setAttribute("class", "arc");
     viewer.overlay.append(this.svg);
@@ -69,7 +69,7 @@ export class PlaneHandle {
         onDrag: (x, y) => this.dragTurn(axis, x, y),
         onArrow: (right, up, isLarge) => {
           const degrees = (right + up) * STEP_DEG * (isLarge ? LARGE_STEPS : 1);
-          this.report(this.turned(this.frame!, axis, degrees), `${degrees}\u00b0`, this.tip());
+          this.report(this.turned(this.frame!, axis, degrees), angleText(degrees), this.tip());
           end.onDrop();
         },
       });
@@ -113,7 +113,7 @@ export class PlaneHandle {
     this.start ??= { frame: this.frame!, value: angle };
     let degrees = Math.round(((angle - this.start.value) * 180) / Math.PI);
     degrees = ((((degrees + 180) % 360) + 360) % 360) - 180;
-    this.report(this.turned(this.start.frame, axis, degrees), `${degrees}\u00b0`, [x, y]);
+    this.report(this.turned(this.start.frame, axis, degrees), angleText(degrees), [x, y]);
   }
 
   private report(frame: Frame, text: string, pixel: [number, number]): void {
@@ -199,7 +199,7 @@ export class PlaneHandle {
     const normal = this.axis(this.frame, 2);
     const [x, y] = this.viewer.project(this.center);
     const [u, v] = this.tip();
-    this.arrow.setAttribute("d", `M${x} ${y}L${u} ${v}${arrowHead(u - x, v - y, u, v)}`);
+    this.arrow.setAttribute("d", arrowPath(x, y, u, v));
     this.shift.place([u, v]);
     this.turns.forEach((button, axis) => {
       const toward = this.axis(this.frame!, 1 - axis);
@@ -213,15 +213,13 @@ export class PlaneHandle {
   }
 }
 
-/** Return the path of an arrow's head beyond the button at the tip; none if it points at the eye. */
-function arrowHead(dx: number, dy: number, u: number, v: number): string {
-  const length = Math.hypot(dx, dy);
-  if (length < HEAD_PX) return "";
-  const [ax, ay] = [dx / length, dy / length];
-  const [tx, ty] = [u + 2 * HEAD_PX * ax, v + 2 * HEAD_PX * ay];
-  const [bx, by] = [tx - HEAD_PX * ax, ty - HEAD_PX * ay];
-  const half = HEAD_PX / 2;
-  return `L${tx} ${ty}M${bx - half * ay} ${by + half * ax}L${tx} ${ty}L${bx + half * ay} ${by - half * ax}`;
+/** Return a line with a filled head, around the pixel that is dragged. */
+function arrowPath(x: number, y: number, u: number, v: number): string {
+  const length = Math.hypot(u - x, v - y) || 1;
+  const [dx, dy] = [(u - x) / length, (v - y) / length];
+  const at = (along: number, across: number) =>
+    `${u + along * dx - across * dy} ${v + along * dy + across * dx}`;
+  return `M${x} ${y}L${at(-8, 0)}M${at(9, 0)}L${at(-8, 7)}L${at(-8, -7)}Z`;
 }
 
 function shifted({ origin, axes }: Frame, distance: number): Frame {
@@ -229,5 +227,9 @@ function shifted({ origin, axes }: Frame, distance: number): Frame {
 }
 
 function distanceText(distance: number): string {
-  return `${distance.toFixed(1)} mm`;
+  return `${distance.toFixed(1).replace("-", "\u2212")} mm`;
+}
+
+function angleText(degrees: number): string {
+  return `${degrees}\u00b0`.replace("-", "\u2212");
 }

@@ -28,7 +28,12 @@ export async function deleteCords(names: readonly string[]): Promise<void> {
   const answer = await run(connection.send("delete-cords", { cords: [...names] }));
   if (answer === undefined) return;
   const text = names.length === 1 ? `Deleted ${names[0]}` : `Deleted ${names.length} cords`;
-  showToast(text, { label: "Undo", run: () => void run(connection.send("undo", {})) });
+  const name = device.peek()?.undoName;
+  const undo = () => {
+    if (device.peek()?.undoName === name) void run(connection.send("undo", {}));
+    else showToast("Other edits followed; undo them first.");
+  };
+  showToast(text, { label: "Undo", run: undo });
 }
 
 async function duplicate(name: string): Promise<void> {

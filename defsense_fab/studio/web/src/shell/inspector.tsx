@@ -9,7 +9,10 @@ import { NextButton } from "./next-button";
 export function Inspector() {
   const Content = stepPanels(step.value)?.inspector;
   return (
-    <aside class={`inspector ${isPhone.value ? `sheet ${sheet.value}` : ""}`} aria-label={STEP_LABELS[step.value]}>
+    <aside
+      class={`inspector ${isPhone.value ? `sheet ${sheet.value}` : ""}`}
+      aria-label={STEP_LABELS[step.value]}
+    >
       {isPhone.value && <SheetHeader />}
       <div class="inspector-content" hidden={isPhone.value && sheet.value === "closed"}>
         {Content && <Content />}

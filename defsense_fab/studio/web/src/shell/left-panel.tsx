@@ -36,7 +36,11 @@ export function LeftPanel() {
       {isPhone.value && (
         <header class="panel-header">
           <h2>Device</h2>
-          <IconButton icon="close" label="Close the list" onClick={() => (isDrawerOpen.value = false)} />
+          <IconButton
+            icon="close"
+            label="Close the list"
+            onClick={() => (isDrawerOpen.value = false)}
+          />
         </header>
       )}
       <Tree
@@ -55,7 +59,11 @@ function nodes(): TreeNode[] {
   return [
     { ...itemNode(BODY, "make"), label: "Body", buttons: [eye(BODY, "body")] },
     group("regions", "Regions", regions.map(regionNode)),
-    group("poses", "Poses", poses.map((name) => itemNode({ kind: "pose", name }, "pose"))),
+    group(
+      "poses",
+      "Poses",
+      poses.map((name) => itemNode({ kind: "pose", name }, "pose")),
+    ),
     group("cords", sensors, cords.map(cordNode)),
   ];
 }

@@ -17,7 +17,9 @@ export function PageMenu() {
 }
 
 function menuEntries(): MenuEntry[] {
-  return screen.value === "device" ? [...deviceEntries(), ...appearanceEntries()] : appearanceEntries();
+  return screen.value === "device"
+    ? [...deviceEntries(), ...appearanceEntries()]
+    : appearanceEntries();
 }
 
 function appearanceEntries(): MenuEntry[] {

@@ -50,8 +50,11 @@ export function QuestionDialog() {
       }
     >
       <p>
-        The body is made by <code><Revealed text={pending.path} /></code>. A script can read, change and
-        send all your files. Run it only if you know who wrote it.
+        The body is made by{" "}
+        <code>
+          <Revealed text={pending.path} />
+        </code>
+        . A script can read, change and send all your files. Run it only if you know who wrote it.
         {isPlural && ` It would run the code of these ${pending.files.length} files:`}
       </p>
       {pending.files.map((file) => (
@@ -70,7 +73,9 @@ function Script({ file: { name, text, size } }: { file: ScriptFile }) {
           <Revealed text={name} />
         </code>
         <span>{size.toLocaleString("en")} bytes</span>
-        {count > 0 && <span class="script-warning">{count} hidden characters, shown as \uXXXX</span>}
+        {count > 0 && (
+          <span class="script-warning">{count} hidden characters, shown as \uXXXX</span>
+        )}
       </figcaption>
       {text || size === 0 ? (
         <pre tabIndex={0} aria-label={`Code of ${name}`}>
@@ -87,7 +92,11 @@ function Revealed({ text }: { text: string }) {
   return (
     <>
       {revealUnseen(text).map((piece, index) =>
-        piece.isUnseen ? <mark key={index}>{piece.text}</mark> : <Fragment key={index}>{piece.text}</Fragment>,
+        piece.isUnseen ? (
+          <mark key={index}>{piece.text}</mark>
+        ) : (
+          <Fragment key={index}>{piece.text}</Fragment>
+        ),
       )}
     </>
   );

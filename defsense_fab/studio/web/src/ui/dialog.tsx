@@ -19,7 +19,15 @@ interface DialogProps {
 
 /** A modal dialog that is open while it is mounted; Escape and the close button end it. */
 export function Dialog(props: DialogProps) {
-  const { title, children, actions, size = "medium", isTitleHidden, closesOutside, onClose } = props;
+  const {
+    title,
+    children,
+    actions,
+    size = "medium",
+    isTitleHidden,
+    closesOutside,
+    onClose,
+  } = props;
   const dialog = useRef<HTMLDialogElement>(null);
   const id = useId();
   useLayoutEffect(() => {

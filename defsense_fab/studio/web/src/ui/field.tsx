@@ -1,6 +1,6 @@
 // The common parts of all fields: label, help, error, and a commit that may be refused.
 import { useSignal } from "@preact/signals";
-import type { ComponentChildren } from "preact";
+import type { ComponentChildren, JSX } from "preact";
 import { useId } from "preact/hooks";
 import type { Problem } from "../protocol/messages";
 import { attempt, useFieldProblem } from "../state/run";
@@ -55,21 +55,29 @@ function describe(problem: Problem, label: string, typed = ""): string {
   return typed && !message.includes(typed) ? `${sentence}; you typed ${typed}` : sentence;
 }
 
+type LabelHandlers = Pick<
+  JSX.IntrinsicElements["label"],
+  "onPointerDown" | "onPointerMove" | "onPointerUp" | "onPointerCancel" | "onClick"
+>;
+
 interface FrameProps {
   state: FieldState;
   label: ComponentChildren;
   help?: string;
   /** Whether the label is left of the control or above it. */
   layout?: "row" | "stack";
+  /** Handlers of a label that can be dragged. */
+  labelHandlers?: LabelHandlers;
   children: ComponentChildren;
 }
 
 /** A label, a control, and its help or error. */
-export function FieldFrame({ state, label, help, layout = "row", children }: FrameProps) {
+export function FieldFrame(props: FrameProps) {
+  const { state, label, help, layout = "row", labelHandlers, children } = props;
   const { id, error } = state;
   return (
     <div class={`field ${layout} ${error ? "invalid" : ""}`}>
-      <label for={id} class="field-label">
+      <label for={id} class={`field-label ${labelHandlers ? "scrub" : ""}`} {...labelHandlers}>
         {label}
       </label>
       <div class="field-control">{children}</div>

@@ -75,6 +75,8 @@ export function MenuButton({ label, icon = "more", children, entries }: MenuButt
 
 interface OpenMenu {
   point: { x: number; y: number };
+  /** Whether it was opened by a key, so that the first entry is highlighted. */
+  isByKey: boolean;
   label: string;
   entries: readonly MenuEntry[];
 }
@@ -86,8 +88,9 @@ export function openContextMenu(
   point: OpenMenu["point"],
   label: string,
   entries: readonly MenuEntry[],
+  isByKey = false,
 ): void {
-  openMenu.value = entries.length > 0 ? { point, label, entries } : null;
+  openMenu.value = entries.length > 0 ? { point, isByKey, label, entries } : null;
 }
 
 /** Open a menu at the place of an event: at the pointer, or below the element for a key. */
@@ -99,9 +102,15 @@ export function openContextMenuFor(
   event.preventDefault();
   event.stopPropagation();
   const { left, bottom } = (event.currentTarget as Element).getBoundingClientRect();
-  const isByKey = event.clientX === 0 && event.clientY === 0;
+  const isByKey = !isByPointer(event);
   const point = isByKey ? { x: left, y: bottom } : { x: event.clientX, y: event.clientY };
-  openContextMenu(point, label, entries);
+  openContextMenu(point, label, entries, isByKey);
+}
+
+/** Whether a press of the mouse or a long touch opens a menu; Ctrl and a click do so on a Mac. */
+function isByPointer(event: MouseEvent): boolean {
+  const isTouch = event instanceof PointerEvent && ["touch", "pen"].includes(event.pointerType);
+  return isTouch || event.button === 2 || event.ctrlKey;
 }
 
 /** The layer that shows the menu at a point. */
@@ -110,12 +119,13 @@ export function ContextMenuLayer() {
   return menu && <PointMenu key={`${menu.point.x},${menu.point.y},${menu.label}`} {...menu} />;
 }
 
-function PointMenu({ point, label, entries }: OpenMenu) {
+function PointMenu({ point, isByKey, label, entries }: OpenMenu) {
   const focused = useRef(document.activeElement);
   const service = useMachine(zagMenu.machine, {
     id: useId(),
     "aria-label": label,
     open: true,
+    defaultHighlightedValue: isByKey ? (entries.find(isAction)?.id ?? null) : null,
     anchorPoint: point,
     positioning: {
       placement: "bottom-start",

@@ -13,7 +13,10 @@ export function formatNumber(value: number, digits = 6): string {
 
 /** The number that a text means, with a decimal point or comma; null if it means none. */
 export function parseNumber(text: string, unit = ""): number | null {
-  const bare = text.trim().replace(unit && text.trim().endsWith(unit) ? unit : "", "").trim();
+  const bare = text
+    .trim()
+    .replace(unit && text.trim().endsWith(unit) ? unit : "", "")
+    .trim();
   const value = Number(bare.replace(",", ".").replace("−", "-"));
   return bare !== "" && Number.isFinite(value) ? value : null;
 }

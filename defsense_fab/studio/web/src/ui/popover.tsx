@@ -43,7 +43,8 @@ export function Popover({ label, icon = "info", text, side = "below", children }
         onToggle={(event) => {
           const isNowOpen = event.newState === "open";
           setOpen(isNowOpen);
-          if (isNowOpen) placeNextTo(event.currentTarget, button.current!.getBoundingClientRect(), side);
+          if (isNowOpen)
+            placeNextTo(event.currentTarget, button.current!.getBoundingClientRect(), side);
         }}
       >
         {children}

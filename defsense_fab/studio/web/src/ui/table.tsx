@@ -33,7 +33,11 @@ export function Table<T>({ caption, columns, rows, rowKey, onChoose, isChosen }:
       </thead>
       <tbody>
         {rows.map((row) => (
-          <tr key={rowKey(row)} class={isChosen?.(row) ? "chosen" : ""} onClick={() => onChoose?.(row)}>
+          <tr
+            key={rowKey(row)}
+            class={isChosen?.(row) ? "chosen" : ""}
+            onClick={() => onChoose?.(row)}
+          >
             {columns.map(({ title, cell, isNumber }, index) =>
               index === 0 ? (
                 <th key={title} scope="row">

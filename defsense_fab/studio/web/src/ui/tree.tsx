@@ -1,7 +1,7 @@
 // A tree of named things with arrow keys, selection, renaming in place and icons at the right.
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { panelState } from "../state/layout";
 import { IconButton } from "./button";
 import { Icon, type IconName } from "./icons";
@@ -61,7 +61,9 @@ const openState = (id: string) => panelState(`tree.${id}`);
 function visibleRows(nodes: readonly TreeNode[], level = 1, parent: TreeNode | null = null): Row[] {
   return nodes.flatMap((node) => [
     { node, level, parent },
-    ...(node.children && openState(node.id).value ? visibleRows(node.children, level + 1, node) : []),
+    ...(node.children && openState(node.id).value
+      ? visibleRows(node.children, level + 1, node)
+      : []),
   ]);
 }
 
@@ -69,12 +71,27 @@ export function Tree({ label, nodes, renaming, onRenaming }: TreeProps) {
   const root = useRef<HTMLDivElement>(null);
   const active = useSignal("");
   const rows = visibleRows(nodes);
-  const activeId = rows.some(({ node }) => node.id === active.value) ? active.value : rows[0]?.node.id;
+  const activeId = rows.some(({ node }) => node.id === active.value)
+    ? active.value
+    : rows[0]?.node.id;
 
   const focus = (row: Row | undefined) => {
     if (!row) return;
     active.value = row.node.id;
     root.current?.querySelector<HTMLElement>(`[data-node="${CSS.escape(row.node.id)}"]`)?.focus();
+  };
+
+  // A row in focus that is renamed or deleted passes the focus to the row in its place.
+  const focusedAt = useRef<number | null>(null);
+  useLayoutEffect(() => {
+    if (focusedAt.current === null || document.activeElement !== document.body) return;
+    focus(rows[Math.min(focusedAt.current, rows.length - 1)]);
+  });
+  const onFocusOut = ({ target, relatedTarget }: FocusEvent) => {
+    if (relatedTarget instanceof Node && root.current?.contains(relatedTarget)) return;
+    queueMicrotask(() => {
+      if ((target as Element).isConnected) focusedAt.current = null;
+    });
   };
 
   const onKeyDown = (event: KeyboardEvent) => {
@@ -109,14 +126,25 @@ export function Tree({ label, nodes, renaming, onRenaming }: TreeProps) {
   };
 
   return (
-    <div ref={root} class="tree" role="tree" aria-label={label} aria-multiselectable="true" onKeyDown={onKeyDown}>
-      {rows.map((row) => (
+    <div
+      ref={root}
+      class="tree"
+      role="tree"
+      aria-label={label}
+      aria-multiselectable="true"
+      onKeyDown={onKeyDown}
+      onFocusOut={onFocusOut}
+    >
+      {rows.map((row, index) => (
         <TreeRow
           key={row.node.id}
           {...row}
           isActive={row.node.id === activeId}
           isRenaming={renaming === row.node.id}
-          onActive={() => (active.value = row.node.id)}
+          onActive={() => {
+            active.value = row.node.id;
+            focusedAt.current = index;
+          }}
           onRenamed={(name) => {
             onRenaming(null);
             if (name && name !== row.node.label) row.node.onRename?.(name);

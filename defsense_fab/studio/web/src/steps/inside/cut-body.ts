@@ -73,7 +73,7 @@ export class CutBody {
     (this.skinMaterial.uniforms["base"]!.value as Color).set(colors.body);
     (this.skinMaterial.uniforms["cap"]!.value as Color).set(colors.edge).lerp(WHITE, 0.35);
     (this.edgeMaterial.uniforms["base"]!.value as Color).set(colors.edge);
-    this.outlineMaterial.color.set(colors.section);
+    this.outlineMaterial.color.set(colors.outline);
   }
 
   dispose(): void {

@@ -2,15 +2,17 @@
 import { effect } from "@preact/signals";
 import { Refusal } from "../../protocol/connection";
 import type { CordState, DragResult } from "../../protocol/messages";
-import { catmullRom, pointToWorld, samplePath } from "../../scene/curve";
+import { catmullRom, pointToWorld, samplePath, toPlane } from "../../scene/curve";
 import { CordHandles, type HandleKind } from "../../scene/handles";
 import { PlaneHandle } from "../../scene/plane-handle";
 import { Readout } from "../../scene/readout";
+import { cordMenuEntries } from "../../scene/stage";
 import type { CordShape, Frame } from "../../scene/types";
 import type { Viewer } from "../../scene/viewer";
 import { connection, prediction } from "../../state/connection";
 import { run } from "../../state/run";
 import { showProblem } from "../../state/toasts";
+import { type MenuEntry, openContextMenu } from "../../ui/menu";
 import { LatestRequest } from "./latest-request";
 import {
   draggedJudgement,
@@ -51,15 +53,28 @@ export class CordEditor {
         this.moveHandle("point", index, to, null);
         this.drop();
       },
-      onDelete: (index) => {
-        const cord = selectedCord.peek();
-        if (cord) void run(connection.send("delete-point", { cord: cord.name, index }));
+      onDelete: deletePoint,
+      onMenu: (index, x, y) => {
+        const entry: MenuEntry = {
+          id: "point.delete",
+          label: "Delete the point",
+          icon: "trash",
+          run: () => deletePoint(index),
+        };
+        const name = selectedCord.peek()?.name ?? "";
+        openContextMenu({ x, y }, `Actions for ${name}`, [
+          entry,
+          "separator",
+          ...cordMenuEntries.peek()(),
+        ]);
       },
     });
     this.planeHandle = new PlaneHandle(viewer, {
       ...end,
       onDrag: (frame, text, pixel) => this.movePlane(frame, text, pixel),
     });
+    viewer.canvas.addEventListener("dblclick", this.onDoubleClick);
+    viewer.labels.obstacles = () => this.handles.pixels();
     this.stops = [
       effect(() => {
         const cord = isDrawing.value ? null : selectedCord.value;
@@ -72,6 +87,8 @@ export class CordEditor {
 
   dispose(): void {
     this.cancel();
+    this.viewer.canvas.removeEventListener("dblclick", this.onDoubleClick);
+    this.viewer.labels.obstacles = () => [];
     for (const stop of this.stops) stop();
     this.handles.dispose();
     this.planeHandle.dispose();
@@ -198,10 +215,31 @@ export class CordEditor {
     this.show(selectedCord.peek(), isPlaneShown.peek());
   }
 
+  /** Add a control point where the selected cord is clicked twice. */
+  private readonly onDoubleClick = (event: MouseEvent): void => {
+    const cord = selectedCord.peek();
+    const pick = this.viewer.picker.pick(...this.viewer.local(event));
+    if (!cord || isDrawing.peek() || pick?.name !== cord.name) return;
+    const { path, points } = cord;
+    const distances = path.map((p) => Math.hypot(...p.map((v, k) => v - pick.point[k]!)));
+    const nearest = distances.indexOf(Math.min(...distances));
+    const perSpan = (path.length - 1) / (points.length - 1);
+    const before = Math.min(points.length - 1, Math.floor(nearest / perSpan) + 1);
+    const at = cord.isPlanar ? toPlane(cord, pick.point) : pick.point;
+    void run(connection.send("insert-point", { cord: cord.name, before, at })).then((answer) => {
+      if (answer !== undefined) selectedPoint.value = before;
+    });
+  };
+
   private pixelOf(shape: CordShape, index: number): [number, number] {
     const [x, y, z] = pointToWorld(shape, shape.points[index]!);
     return this.viewer.projectAt(x!, y!, z!);
   }
+}
+
+function deletePoint(index: number): void {
+  const cord = selectedCord.peek();
+  if (cord) void run(connection.send("delete-point", { cord: cord.name, index }));
 }
 
 function shapeOf({ origin, axes, isPlanar, isSmooth, points, tangents }: CordState): CordShape {

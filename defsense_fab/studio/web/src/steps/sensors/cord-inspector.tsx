@@ -79,22 +79,19 @@ function choicesFor({ free, isPlanar }: CordState) {
 }
 
 function Numbers({ numbers, violations }: { numbers: CordNumbers; violations: Violation[] }) {
-  const rows: [label: string, value: string, code: string][] = [
-    ["Length", `${numbers.length.toFixed(1)} mm`, "channel-length-not-allowed"],
-    [
-      "Smallest radius",
-      numbers.radius === null ? "Straight" : `${numbers.radius.toFixed(1)} mm`,
-      "bend-too-tight",
-    ],
-    ["Smallest wall", `${numbers.wall.toFixed(2)} mm`, "wall-too-thin"],
+  const radius = numbers.radius === null ? "Straight" : `${numbers.radius.toFixed(1)} mm`;
+  const rows: [label: string, value: string, codes: string[]][] = [
+    ["Length", `${numbers.length.toFixed(1)} mm`, ["channel-length-not-allowed"]],
+    ["Smallest radius", radius, ["bend-too-tight"]],
+    ["Smallest wall", `${numbers.wall.toFixed(2)} mm`, ["wall-too-thin", "path-leaves-body"]],
   ];
-  const codes = rows.map(([, , code]) => code);
+  const codes = rows.flatMap((row) => row[2]);
   const others = violations.filter(({ code }) => !codes.includes(code));
   return (
     <Section title="Numbers" name="cord-numbers">
       <dl class="numbers">
-        {rows.map(([label, value, code]) => {
-          const broken = violations.filter((violation) => violation.code === code);
+        {rows.map(([label, value, ofRow]) => {
+          const broken = violations.filter(({ code }) => ofRow.includes(code));
           return (
             <div key={label} class={broken.length ? "broken" : ""}>
               <dt>{label}</dt>
@@ -113,13 +110,17 @@ function Numbers({ numbers, violations }: { numbers: CordNumbers; violations: Vi
   );
 }
 
+function capitalized(text: string): string {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}
+
 /** A broken limit; it shows the place. */
-export function LimitButton({ violation }: { violation: Violation }) {
+function LimitButton({ violation }: { violation: Violation }) {
   return (
     <button type="button" class="limit" onClick={() => showViolation(violation)}>
       <Icon name="warning" size={14} />
       <span>
-        <strong>{limitTitle(violation)}</strong> {violation.text}
+        <strong>{limitTitle(violation)}</strong> {capitalized(violation.text)}
       </span>
     </button>
   );

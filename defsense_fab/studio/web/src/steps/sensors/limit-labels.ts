@@ -2,7 +2,7 @@
 import { effect } from "@preact/signals";
 import { Vector3 } from "three";
 import type { Violation } from "../../protocol/messages";
-import { viewer } from "../../scene/scene-view";
+import { viewer } from "../../scene/stage";
 import type { Viewer } from "../../scene/viewer";
 import { selection } from "../../state/selection";
 import { draggedJudgement, isDrawing, judgement } from "./state";

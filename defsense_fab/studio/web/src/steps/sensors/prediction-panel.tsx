@@ -5,8 +5,10 @@ import { NextButton } from "../../shell/next-button";
 import { device, prediction } from "../../state/connection";
 import { hovered, isSame, isSelected, select } from "../../state/selection";
 import { EmptyState } from "../../ui/feedback";
+import { Icon } from "../../ui/icons";
+import { tooltip } from "../../ui/tooltip";
 import { ErrorBar, roundUp, SignalBar } from "./bars";
-import { LimitButton } from "./cord-inspector";
+import { limitTitle, showViolation } from "./limit-labels";
 import { draggedJudgement, judgement } from "./state";
 
 /** Lines of the scale of errors. */
@@ -26,7 +28,11 @@ export function PredictionPanel() {
         {state.drawnProblem && <p class="problem-text">{state.drawnProblem.text}</p>}
         {shown && <Limits judgement={shown} />}
       </div>
-      {shown && shown.poses.length > 0 && <PoseTable judgement={shown} />}
+      {shown && shown.poses.length > 0 && (
+        <div class="pose-scroll">
+          <PoseTable judgement={shown} />
+        </div>
+      )}
     </div>
   );
 }
@@ -41,8 +47,8 @@ function Headline() {
         <strong>{error === null ? "No error" : `${error.toFixed(2)} mm`}</strong>
         <span>drawn</span>
         <span class="separator">/</span>
-        <strong>{built === null ? "nothing" : `${built.toFixed(2)} mm`}</strong>
-        <span>built</span>
+        {built !== null && <strong>{built.toFixed(2)} mm</strong>}
+        <span>{built === null ? "not built" : "built"}</span>
       </p>
       <p class="muted">
         {trained !== null && !hasChanged && `${trained.toFixed(2)} mm after training. `}
@@ -58,7 +64,17 @@ function Limits({ judgement: { violations } }: { judgement: Judgement }) {
     <ul class="limits" aria-label="Broken limits">
       {violations.map((violation, i) => (
         <li key={i}>
-          <LimitButton violation={violation} />
+          <button
+            type="button"
+            class="limit"
+            {...tooltip(violation.text)}
+            onClick={() => showViolation(violation)}
+          >
+            <Icon name="warning" size={14} />
+            <span>
+              {limitTitle(violation)}: {violation.cords.join(", ")}
+            </span>
+          </button>
         </li>
       ))}
     </ul>
@@ -94,7 +110,6 @@ function PoseTable({ judgement: { poses } }: { judgement: Judgement }) {
                 <span key={value}>{Number(value.toPrecision(2))}</span>
               ))}
             </span>
-            <span aria-hidden="true">mm</span>
           </th>
           {cords.map(({ name, color }) => (
             <th key={name} scope="col">

@@ -1,7 +1,7 @@
 // Commands of the step Sensors, in addition to those on selected cords.
 import type { Command } from "../../commands";
 import type { CordState } from "../../protocol/messages";
-import { viewer } from "../../scene/scene-view";
+import { viewer } from "../../scene/stage";
 import { connection, device, prediction } from "../../state/connection";
 import { run } from "../../state/run";
 import { select, selectedNames } from "../../state/selection";

@@ -3,7 +3,7 @@ import { effect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { useCommands } from "../../commands";
 import { DrawingBoard } from "../../scene/drawing-board";
-import { cordMenuEntries, viewer } from "../../scene/scene-view";
+import { cordMenuEntries, viewer } from "../../scene/stage";
 import { cordMenu } from "../../shell/cord-commands";
 import { connection } from "../../state/connection";
 import { run } from "../../state/run";
@@ -37,19 +37,8 @@ export function SensorsToolbar() {
         ]}
         onChange={(tool) => (tool === "draw" ? startDrawing() : stopDrawing())}
       />
-      {isDrawing.value ? <PlaneTools /> : <ViewTools />}
+      {isDrawing.value && <PlaneTools />}
     </>
-  );
-}
-
-function ViewTools() {
-  return (
-    <IconButton
-      icon="fit"
-      label="Fit the view to the body"
-      shortcut="F"
-      onClick={() => viewer.peek()?.rig.fit()}
-    />
   );
 }
 
@@ -70,15 +59,15 @@ function PlaneTools() {
   return (
     <>
       <SegmentedControl
-        label="Plane"
+        label="Plane across"
         value={chosen ?? "cord"}
         segments={[
-          { value: "x", label: "Across x" },
-          { value: "y", label: "Across y" },
-          { value: "z", label: "Across z" },
+          { value: "x", label: "x", hint: "Plane across the x axis" },
+          { value: "y", label: "y", hint: "Plane across the y axis" },
+          { value: "z", label: "z", hint: "Plane across the z axis" },
           {
             value: "cord",
-            label: "Of the cord",
+            label: "Cord",
             hint: cord?.isPlanar ? `Plane of ${cord.name}` : "Select a planar cord first",
             disabled: !cord?.isPlanar,
           },
@@ -91,6 +80,7 @@ function PlaneTools() {
       <label class="plane-offset">
         <span>Offset</span>
         <input
+          aria-label="Offset of the plane"
           class="range"
           type="range"
           min={low}
