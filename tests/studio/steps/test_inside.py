@@ -22,38 +22,13 @@ from defsense_fab.studio.steps.inside.inside_step import InsideStep
 from defsense_fab.workflow.design.next_cord import NextCord
 from tests.conftest import box_surface
 from tests.studio.devices import write_device
+from tests.studio.steps.browsers import FakeBrowser, FakeServer
 from tests.support.errors import raises
 
 STRETCH = 0.10  # along x, in the state "bend@1"
 PLANE = {"origin": [0.0, 0.0, 0.0], "axes": np.eye(3).tolist()}
 OUTSIDE = {"origin": [0.0, 0.0, 40.0], "axes": np.eye(3).tolist()}
 TIMEOUT_S = 30.0
-
-
-class Browser:
-    """A browser that records its messages."""
-
-    def __init__(self):
-        self.is_open, self.events, self.arrays = True, [], []
-
-    def send(self, event):
-        self.events.append(event)
-
-    def send_arrays(self, arrays, reply_to=None):
-        self.arrays.append(arrays)
-
-
-class Server:
-    """A server that records what is published."""
-
-    def __init__(self):
-        self.published = []
-
-    def publish(self, event):
-        self.published.append(event)
-
-    def publish_arrays(self, arrays):
-        pass
 
 
 def box_judge():
@@ -75,7 +50,7 @@ def box_judge():
 def step(tmp_path, monkeypatch):
     monkeypatch.setattr(simulated_body, "shortest_cord", lambda _: 30.0)
     session = DeviceSession(
-        Server(), Project(write_device(tmp_path / "grip")), Agreement(trusted=True)
+        FakeServer(), Project(write_device(tmp_path / "grip")), Agreement(trusted=True)
     )
     step = InsideStep(session)
     session.on_device_changed.append(step.on_device_changed)
@@ -92,17 +67,20 @@ def simulated(step):
     return step
 
 
-def ask(step, browser, kind, **content):
-    return step.handlers[kind](browser, kind(id=1, **content))
+def browser_of(step):
+    def handle(browser, request):
+        return step.handlers[type(request)](browser, request)
+
+    return FakeBrowser(SimpleNamespace(handle=handle))
 
 
 def section(step, browser=None, **content):
     content = {**PLANE, "state": 1, "quantity": "largest", **content}
-    return ask(step, browser or Browser(), messages.ShowSection, **content)
+    return (browser or browser_of(step)).ask("show-section", **content)
 
 
 def published(step):
-    return [e for e in step.session.server.published if isinstance(e, messages.InsideState)]
+    return [e for e in step.session.server.history if isinstance(e, messages.InsideState)]
 
 
 def test_a_device_without_simulation_asks_for_one(step):
@@ -161,7 +139,7 @@ def test_the_direction_is_an_angle_or_a_cord(simulated):
 
 def test_the_range_follows_the_section_or_is_fixed(simulated):
     rest = section(simulated, state=0)
-    fixed = section(simulated, state=0, is_range_fixed=True)
+    fixed = section(simulated, state=0, isRangeFixed=True)
     assert rest.facts["largest"] == pytest.approx(0.0, abs=1e-9)
     assert rest.facts["high"] < 0.1
     assert fixed.facts["high"] == 10.0
@@ -184,8 +162,8 @@ def test_invalid_sections_are_refused(simulated):
 
 
 def test_the_skin_and_the_cords_follow_the_state(simulated):
-    skin = ask(simulated, Browser(), messages.GetSkin)
-    shape = ask(simulated, Browser(), messages.GetShape, state=1)
+    skin = browser_of(simulated).ask("get-skin")
+    shape = browser_of(simulated).ask("get-shape", state=1)
     np.testing.assert_allclose(
         shape.arrays["vertices"], skin.arrays["rest"] * [1 + STRETCH, 0.96, 0.96], atol=1e-9
     )
@@ -195,10 +173,8 @@ def test_the_skin_and_the_cords_follow_the_state(simulated):
 
 
 def test_a_point_has_all_numbers(simulated):
-    numbers = ask(
-        simulated,
-        Browser(),
-        messages.ProbePoint,
+    numbers = browser_of(simulated).ask(
+        "probe-point",
         **PLANE,
         state=1,
         quantity="along",
@@ -245,13 +221,13 @@ def maps(monkeypatch):
 
 
 def search(step, browser, *, ends=True):
-    ask(step, browser, messages.SearchNextCord, **PLANE, length=8.0)
+    browser.ask("search-next-cord", **PLANE, length=8.0)
     if ends:
         assert step._searches[browser]._search.wait(TIMEOUT_S)
 
 
 def test_a_search_reports_its_progress_and_its_map(simulated, maps):
-    browser = Browser()
+    browser = browser_of(simulated)
     search(simulated, browser)
     states = [event.state for event in browser.events]
     assert states[0] == "searching"
@@ -261,24 +237,24 @@ def test_a_search_reports_its_progress_and_its_map(simulated, maps):
     assert browser.arrays[-1].name == "next-cord"
     values = section(simulated, browser, quantity="next-cord").arrays["values"]
     assert set(np.unique(values[np.isfinite(values)])) == {0.5, 1.0}
-    other = section(simulated, Browser(), quantity="next-cord").arrays["values"]
+    other = section(simulated, browser_of(simulated), quantity="next-cord").arrays["values"]
     assert np.isnan(other).all()
 
 
 def test_the_best_cord_or_one_through_a_point_is_added(simulated, maps):
-    browser, maps.step = Browser(), simulated
+    browser, maps.step = browser_of(simulated), simulated
     count = len(simulated.session.device.sensors)
     with raises(LayoutError, "search-not-done"):
-        ask(simulated, browser, messages.AddNextCord)
+        browser.ask("add-next-cord")
     search(simulated, browser)
     with raises(LayoutError, "no-cord-fits"):
-        ask(simulated, browser, messages.AddNextCord, at=[0, 0, 0])
-    ask(simulated, browser, messages.AddNextCord, at=[4.0, 1.0, 0.0])
+        browser.ask("add-next-cord", at=[0, 0, 0])
+    browser.ask("add-next-cord", at=[4.0, 1.0, 0.0])
     assert maps.at == 1
     assert len(simulated.session.device.sensors) == count + 1
     assert browser.events[-1].state == "outdated"
     search(simulated, browser)
-    ask(simulated, browser, messages.AddNextCord)
+    browser.ask("add-next-cord")
     assert maps.at == 2
     simulated.session.project.undo()
     simulated.session.project.undo()
@@ -286,18 +262,18 @@ def test_the_best_cord_or_one_through_a_point_is_added(simulated, maps):
 
 
 def test_a_place_without_benefit_is_refused(simulated, maps):
-    browser, maps.drop = Browser(), [np.nan, -0.5, -1.0]
+    browser, maps.drop = browser_of(simulated), [np.nan, -0.5, -1.0]
     search(simulated, browser)
     assert browser.events[-1].ends == []
     with raises(LayoutError, "no-better-cord"):
-        ask(simulated, browser, messages.AddNextCord)
+        browser.ask("add-next-cord")
 
 
 def test_a_search_can_be_canceled(simulated, maps):
-    browser = Browser()
+    browser = browser_of(simulated)
     maps.go.clear()
     search(simulated, browser, ends=False)
-    ask(simulated, browser, messages.StopNextCord)
+    browser.ask("stop-next-cord")
     maps.go.set()
     assert simulated._searches[browser]._search.wait(TIMEOUT_S)
     assert browser.events[-1].state == "none"
@@ -305,14 +281,14 @@ def test_a_search_can_be_canceled(simulated, maps):
 
 
 def test_the_error_of_a_search_reaches_its_browser(simulated, maps):
-    browser, maps.error = Browser(), LayoutError("cannot be judged", code="not-finite")
+    browser, maps.error = browser_of(simulated), LayoutError("cannot be judged", code="not-finite")
     search(simulated, browser)
     assert browser.events[-1].state == "failed"
     assert browser.events[-1].problem.code == "not-finite"
 
 
 def test_a_change_of_the_cords_outdates_maps(simulated, maps):
-    browser = Browser()
+    browser = browser_of(simulated)
     search(simulated, browser)
     simulated.session.apply(remove_cord("side"))
     assert browser.events[-1].state == "outdated"
@@ -320,7 +296,7 @@ def test_a_change_of_the_cords_outdates_maps(simulated, maps):
 
 
 def test_a_browser_that_leaves_ends_its_search(simulated, maps):
-    browser = Browser()
+    browser = browser_of(simulated)
     search(simulated, browser)
     browser.is_open = False
     simulated.disconnect(browser)
@@ -330,7 +306,7 @@ def test_a_browser_that_leaves_ends_its_search(simulated, maps):
 
 def test_a_search_outside_the_body_is_refused(simulated, maps):
     with raises(LayoutError, "plane-misses-body"):
-        ask(simulated, Browser(), messages.SearchNextCord, **OUTSIDE)
+        browser_of(simulated).ask("search-next-cord", **OUTSIDE)
 
 
 def test_planes_are_those_of_the_engine(simulated):

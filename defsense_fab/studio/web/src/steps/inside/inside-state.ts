@@ -25,7 +25,7 @@ export const isPlaying = signal(false);
 
 /** Show the section in a scene; return a function to stop. */
 export function openInside(viewer: Viewer): () => void {
-  const layer = new SectionLayer(viewer, view, tool, { hasBody: true, isPicking: true });
+  const layer = new SectionLayer(viewer, view, tool, { hasBody: true });
   const stops = [
     view.open(),
     tool.open(),

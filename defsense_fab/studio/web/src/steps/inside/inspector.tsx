@@ -31,7 +31,7 @@ export function InsideInspector() {
         <PointNumbers />
       </Section>
       <Section title="Another cord" name="inside-next-cord">
-        <NextCordPanel tool={tool} />
+        <NextCordPanel tool={tool} view={view} />
       </Section>
     </>
   );

@@ -2,19 +2,28 @@
 import { useEffect, useRef } from "preact/hooks";
 import { Checkbox } from "../../ui/choices";
 import { type ColorScale, formatValue } from "./color-scale";
-import { search } from "./next-cord";
+import { type NextCordTool, search } from "./next-cord";
 import { inside, type SectionData, type SectionView } from "./section-view";
 
 const BAR = { width: 232, height: 12 };
+/** Values count as beyond the range if they are farther than this share of it. */
+const BEYOND = 0.02;
+
+interface SectionLegendProps {
+  view: SectionView;
+  /** The search, if the legend shows what a cord under the pointer would change. */
+  tool?: NextCordTool;
+}
 
 /** The color bar of a section, for the lower left of the scene. */
-export function SectionLegend({ view }: { view: SectionView }) {
+export function SectionLegend({ view, tool }: SectionLegendProps) {
   const { value: scale } = view.scale;
   const { value: info } = view.info;
   const { value: section } = view.section;
   if (!inside.value?.isReady || !info) return null;
   const isGain = info.name === "next-cord";
   const hovered = view.hover.value?.value;
+  const text = tool && view.hover.value ? tool.textAt(view.hover.value.rest) : "";
   return (
     <figure class="section-legend" aria-label={`Colors: ${info.label}`}>
       <figcaption>
@@ -35,8 +44,8 @@ export function SectionLegend({ view }: { view: SectionView }) {
             <ColorBar scale={scale} section={section} hovered={hovered} />
             {isGain ? (
               <p class="legend-note">
-                <span class="legend-unknown" style={{ background: unknownColor() }} />
-                None fits
+                {!text && <span class="legend-unknown" style={{ background: unknownColor() }} />}
+                {text || "None fits"}
               </p>
             ) : (
               <p class="legend-note">
@@ -70,6 +79,7 @@ function ColorBar({ scale, section, hovered }: ColorBarProps) {
   useEffect(() => draw(canvas.current!, scale), [scale]);
   const ticks = scale.ticks();
   const { low, high } = scale.range;
+  const margin = BEYOND * (high - low);
   const percent = (value: number) => `${100 * scale.shareOf(value)}%`;
   return (
     <div class="color-bar" style={{ width: `${BAR.width}px` }}>
@@ -79,8 +89,8 @@ function ColorBar({ scale, section, hovered }: ColorBarProps) {
       )}
       {ticks.map((value, k) => (
         <span key={value} class="bar-tick" style={{ left: percent(value) }}>
-          {k === 0 && isBeyond(section.smallest, low, -1) && "\u2264"}
-          {k === ticks.length - 1 && isBeyond(section.largest, high, 1) && "\u2265"}
+          {k === 0 && (section.smallest ?? low) < low - margin && "\u2264"}
+          {k === ticks.length - 1 && (section.largest ?? high) > high + margin && "\u2265"}
           {formatValue(value, scale.range)}
         </span>
       ))}
@@ -98,11 +108,6 @@ function draw(canvas: HTMLCanvasElement, scale: ColorScale): void {
     image.data.set(scale.table.subarray(4 * index, 4 * index + 4), 4 * x);
   }
   context.putImageData(image, 0, 0);
-}
-
-/** Whether a value lies outside a range, above or below its end. */
-function isBeyond(value: number | null, end: number, sign: 1 | -1): boolean {
-  return value !== null && sign * (value - end) > 1e-6 * Math.abs(end);
 }
 
 function noValueText(): string {

@@ -1,6 +1,7 @@
 // The search for another cord: its switch with its progress, and what adds a cord.
 import { useId } from "preact/hooks";
 import { device } from "../../state/connection";
+import { isPhone } from "../../state/layout";
 import { Button } from "../../ui/button";
 import { SegmentedControl } from "../../ui/choices";
 import { ProgressBar } from "../../ui/feedback";
@@ -71,7 +72,7 @@ export function NextCordActions({ tool, view }: Props) {
 }
 
 /** Which cords are tried, and what the best one would change. */
-export function NextCordPanel({ tool }: { tool: NextCordTool }) {
+export function NextCordPanel({ tool, view }: Props) {
   const id = useId();
   const length = tool.length.value;
   const short = inside.value?.shortCord ?? 30;
@@ -104,6 +105,7 @@ export function NextCordPanel({ tool }: { tool: NextCordTool }) {
         />
       )}
       {tool.isOn.value && <SearchResult />}
+      {isPhone.value && <NextCordActions tool={tool} view={view} />}
       {tool.isOn.value && isSearching() && (
         <Button icon="stop" onClick={() => tool.cancel()}>
           Cancel the search

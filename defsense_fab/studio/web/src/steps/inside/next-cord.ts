@@ -99,6 +99,16 @@ export class NextCordTool {
     return index < 0 ? null : map!.drop[index]!;
   }
 
+  /** What a cord through a point (3,) at rest would change, in words. */
+  textAt(point: readonly number[]): string {
+    if (!this.map.peek()) return search.peek()?.state === "searching" ? "Searching" : "";
+    const noun = device.peek()?.noun ?? "cord";
+    const drop = this.dropAt(point);
+    if (drop === null) return `No ${noun} fits here`;
+    const sign = drop >= 0.005 ? "\u2212" : drop <= -0.005 ? "+" : "";
+    return `A ${noun} here: error ${sign}${Math.abs(drop).toFixed(2)} mm`;
+  }
+
   private follow(): void {
     clearTimeout(this.timer);
     const plane = this.view.plane.value;

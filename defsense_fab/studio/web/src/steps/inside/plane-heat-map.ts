@@ -1,6 +1,7 @@
 // Where another cord would help, in a plane of the body at rest: for the step that draws cords.
 import { effect, signal } from "@preact/signals";
 import type { Frame } from "../../scene/types";
+import { isBodyShown } from "../../scene/stage";
 import type { Viewer } from "../../scene/viewer";
 import { NextCordTool } from "./next-cord";
 import { SectionLayer } from "./section-layer";
@@ -10,7 +11,7 @@ import { SectionView } from "./section-view";
  * A heat map of the next cord in the plane where somebody draws.
  *
  * Show `NextCordToggle` and `NextCordActions` with its `tool` and `view` among the tools, and
- * `SectionLegend` with its `view` as the legend. Set `plane` to the plane, or to null while nobody
+ * `SectionLegend` with both as the legend. Set `plane` to the plane, or to null while nobody
  * draws; `open` it while the step is entered.
  */
 export class PlaneHeatMap {
@@ -20,17 +21,20 @@ export class PlaneHeatMap {
 
   /** Show the map in a scene; return a function to stop. */
   open(viewer: Viewer): () => void {
-    const options = { hasBody: false, isPicking: true };
-    const layer = new SectionLayer(viewer, this.view, this.tool, options);
+    const layer = new SectionLayer(viewer, this.view, this.tool, { hasBody: false });
     const stops = [
       this.view.open(),
       this.tool.open(),
       effect(() => {
         this.view.plane.value = this.tool.isOn.value ? this.plane.value : null;
       }),
+      effect(() => {
+        isBodyShown.value = this.view.plane.value === null; // it would tint the colors
+      }),
     ];
     return () => {
       for (const stop of stops) stop();
+      isBodyShown.value = true;
       layer.dispose();
     };
   }

@@ -28,10 +28,11 @@ const CORD_RADIUS = 0.6;
 const CANDIDATE_COLOR = "#e66101";
 
 export interface SectionLayerOptions {
-  /** Whether the cut body, its cords and the handle of the plane are shown, too. */
+  /**
+   * Whether the cut body, its cords, the handle of the plane and the value at the pointer are
+   * shown, too; otherwise the section is drawn behind the cords of the scene.
+   */
   hasBody: boolean;
-  /** Whether a click shows all numbers of a point. */
-  isPicking: boolean;
 }
 
 export class SectionLayer {
@@ -62,6 +63,7 @@ export class SectionLayer {
     viewer.scene.add(this.group);
     this.readout = new Readout(viewer);
     this.handle = options.hasBody ? this.addBody() : null;
+    if (!options.hasBody) this.mesh.drawBehindCords();
     this.stops = [...this.follow(), viewer.onTheme((colors) => this.body.setTheme(colors))];
     this.listen();
   }
@@ -83,7 +85,7 @@ export class SectionLayer {
     if (this.options.hasBody) {
       isBodyShown.value = areCordsShown.value = true;
       this.viewer.picker.isEnabled = true;
-      this.viewer.setPlain(false);
+      this.viewer.setShadowVisible(true);
       this.viewer.rig.leave();
     }
     for (const part of [this.mesh, this.body, this.cords, this.direction, this.candidate]) {
@@ -138,8 +140,7 @@ export class SectionLayer {
     const { viewer } = this;
     isBodyShown.value = areCordsShown.value = false;
     viewer.picker.isEnabled = false;
-    viewer.setPlain(true); // the shadow is that of the body at rest
-    viewer.cube.setHidden(false);
+    viewer.setShadowVisible(false);
   }
 
   private setPlane(plane: Frame | null): void {
@@ -223,9 +224,7 @@ export class SectionLayer {
   private text(value: number, rest: readonly number[]): string {
     const { range, info } = this.view;
     if (info.peek()?.name === "next-cord") {
-      const drop = this.tool?.dropAt(rest) ?? null;
-      if (drop === null) return this.tool?.map.peek() ? "No cord fits here" : "Searching";
-      return `A cord here: error ${(-drop).toFixed(2).replace("-", "\u2212")} mm`;
+      return this.tool?.textAt(rest) ?? "";
     }
     if (Number.isNaN(value) || !range.peek()) return "";
     return `${formatValue(value, range.peek()!, true)} ${info.peek()?.unit ?? ""}`;
@@ -236,6 +235,7 @@ export class SectionLayer {
     const { signal } = this.stop;
     const hover = (point: ProbedPoint | null, event: PointerEvent) => {
       this.view.hover.value = point;
+      if (!this.options.hasBody) return;
       const text = point ? this.text(point.value, point.rest) : "";
       const [x, y] = this.viewer.local(event);
       if (text && !this.drag) this.readout.show(x, y, text);
@@ -243,7 +243,6 @@ export class SectionLayer {
     };
     canvas.addEventListener("pointermove", (e) => hover(this.probe(e), e), { signal });
     canvas.addEventListener("pointerleave", (e) => hover(null, e), { signal });
-    if (!this.options.isPicking) return;
     canvas.addEventListener("pointerdown", (e) => (this.press = this.viewer.local(e)), { signal });
     canvas.addEventListener("pointerup", (event) => this.pick(event), { signal });
   }

@@ -6,6 +6,7 @@ import { type PlaneUniforms, sectionMaterial, setScale } from "./materials";
 import type { ProbedPoint, SectionData } from "./section-view";
 
 const ORDER_SECTION = 2;
+const BEHIND_CORDS = -1.5;
 
 export class SectionMesh {
   readonly object = new Group();
@@ -43,6 +44,12 @@ export class SectionMesh {
     geometry.setAttribute("known", new BufferAttribute(known, 1));
     geometry.setIndex(new BufferAttribute(triangles, 1));
     this.mesh.geometry = geometry;
+  }
+
+  /** Draw the section first, so that the cords of the scene stay visible on it. */
+  drawBehindCords(): void {
+    this.material.depthTest = this.material.depthWrite = false;
+    this.mesh.renderOrder = BEHIND_CORDS;
   }
 
   setScale(scale: ColorScale): void {

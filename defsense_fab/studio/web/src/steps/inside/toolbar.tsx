@@ -1,5 +1,6 @@
 // The tools on the scene: the plane, the view, and the search for another cord.
 import { type Command, useCommands } from "../../commands";
+import { isPhone } from "../../state/layout";
 import { IconButton } from "../../ui/button";
 import { SegmentedControl } from "../../ui/choices";
 import { flipPlane, isFacing, setAxis, showNextState, tool, view } from "./inside-state";
@@ -9,14 +10,16 @@ import { inside } from "./section-view";
 
 const isReady = () => inside.value?.isReady ?? false;
 
-const insideCommands = (): readonly Command[] => [
+const insideCommands = (): readonly Command[] =>
+  commandList().map((command) => ({ ...command, isLocal: true, when: isReady }));
+
+const commandList = (): readonly Command[] => [
   {
     id: "inside.face",
     label: "Face the section",
     hint: "Look at the section along its normal, or return",
     group: "Inside",
     shortcut: "L",
-    when: isReady,
     run: () => (isFacing.value = !isFacing.value),
   },
   {
@@ -25,7 +28,6 @@ const insideCommands = (): readonly Command[] => [
     hint: "Show the section in the next state",
     group: "Inside",
     shortcut: "S",
-    when: isReady,
     run: showNextState,
   },
   {
@@ -34,7 +36,6 @@ const insideCommands = (): readonly Command[] => [
     hint: "Show the other half of the body",
     group: "Inside",
     shortcut: "R",
-    when: isReady,
     run: flipPlane,
   },
   ...AXES.map((axis) => ({
@@ -42,7 +43,6 @@ const insideCommands = (): readonly Command[] => [
     label: `Section normal to ${axis}`,
     group: "Inside",
     shortcut: axis.toUpperCase(),
-    when: isReady,
     run: () => setAxis(axis),
   })),
   {
@@ -50,7 +50,6 @@ const insideCommands = (): readonly Command[] => [
     label: "Show where a cord would help",
     group: "Inside",
     shortcut: "W",
-    when: isReady,
     run: () => tool.turn(!tool.isOn.peek()),
   },
 ];
@@ -89,7 +88,7 @@ export function InsideToolbar() {
       />
       <span class="tool-line" aria-hidden="true" />
       <NextCordToggle tool={tool} />
-      <NextCordActions tool={tool} view={view} />
+      {!isPhone.value && <NextCordActions tool={tool} view={view} />}
     </div>
   );
 }
