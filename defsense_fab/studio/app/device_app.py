@@ -11,6 +11,7 @@ from ..project.project import Project
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
 from ..steps.body.step import BodyStep
+from ..steps.inside.inside_step import InsideStep
 from ..steps.sensors import SensorsStep
 from ..steps.shell import ShellStep
 
@@ -37,6 +38,7 @@ class DeviceApp:
             shell,
             BodyStep(self.session),
             SensorsStep(self.session, shell.show_violations),
+            InsideStep(self.session),
         )
         self._handlers: dict[type[Request], Handler] = {}
         for step in self.steps:

@@ -10,9 +10,9 @@ from typing import Any, Union
 import msgspec
 
 from ...workflow.view import Event, Reply, Request, Upload
-from . import body, sensors, shell, start
+from . import body, inside, sensors, shell, start
 
-MODULES: tuple[ModuleType, ...] = (shell, start, body, sensors)
+MODULES: tuple[ModuleType, ...] = (shell, start, body, inside, sensors)
 
 
 def messages(base: type) -> tuple[Any, ...]:

@@ -157,6 +157,12 @@ export class Viewer {
     this.scale.setHidden(isPlain);
   }
 
+  /** Show or hide the shadow; it is that of the body as the layer shows it. */
+  setShadowVisible(isVisible: boolean): void {
+    this.shadow.object.visible = isVisible;
+    this.invalidate();
+  }
+
   dispose(): void {
     cancelAnimationFrame(this.frame);
     clearTimeout(this.stillTimer);

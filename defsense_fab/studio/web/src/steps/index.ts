@@ -1,6 +1,7 @@
 // Registers the panels of all steps. A step that has none yet shows its state.
 import { STEPS } from "../state/step";
 import "./body";
+import "./inside";
 import { registerStep, stepPanels } from "./registry";
 import "./sensors";
 import { StepOverview } from "./step-overview";
