@@ -7,6 +7,7 @@
 
 export interface Protocol {
   request:
+    | AddNextCord
     | AddStraight
     | AddStroke
     | Answer
@@ -24,6 +25,8 @@ export interface Protocol {
     | DragTangent
     | DuplicateCord
     | ForgetDevice
+    | GetShape
+    | GetSkin
     | InsertPoint
     | KeepPicture
     | MakeBody
@@ -31,6 +34,7 @@ export interface Protocol {
     | OpenDevice
     | OutlineOf
     | PauseJob
+    | ProbePoint
     | Propose
     | Redo
     | RenameCord
@@ -39,12 +43,15 @@ export interface Protocol {
     | ResetParameter
     | Restore
     | ResumeJob
+    | SearchNextCord
     | SetField
     | SetFreedoms
     | SetParameter
+    | ShowSection
     | SmoothCord
     | StartBuild
     | StopBody
+    | StopNextCord
     | Undo
     | Upload
     | UploadedSurface;
@@ -55,7 +62,9 @@ export interface Protocol {
     | DeviceFields
     | DeviceState
     | Gallery
+    | InsideState
     | Job
+    | NextCordState
     | Notice
     | Page
     | Pipeline
@@ -67,12 +76,22 @@ export interface Protocol {
   results: Results;
 }
 /**
+ * Add a cord of the map to the device.
+ *
+ *     Attributes:
+ *         at: Point (3,) that the cord runs through, mm; None for the best cord.
+ */
+export interface AddNextCord {
+  kind: "add-next-cord";
+  id: number;
+  at: number[] | null;
+}
+/**
  * Add a straight cord along the middle of the body.
  */
 export interface AddStraight {
   kind: "add-straight";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Add a cord along a stroke in a plane, or replace the path of a cord.
@@ -90,7 +109,6 @@ export interface AddStroke {
   axes: number[][];
   stroke: number[][];
   replaces: string;
-  [k: string]: unknown;
 }
 /**
  * The answer to the question.
@@ -99,7 +117,6 @@ export interface Answer {
   kind: "answer";
   id: number;
   run: boolean;
-  [k: string]: unknown;
 }
 /**
  * Cancel the job.
@@ -107,7 +124,6 @@ export interface Answer {
 export interface CancelJob {
   kind: "cancel-job";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Choose a row of a catalogue; values that replaced those of the previous row are removed.
@@ -117,7 +133,6 @@ export interface ChooseRow {
   id: number;
   catalogue: "cord" | "material" | "printer" | "trace";
   name: string;
-  [k: string]: unknown;
 }
 /**
  * Close the device, and show the start page in all browsers.
@@ -125,7 +140,6 @@ export interface ChooseRow {
 export interface CloseDevice {
   kind: "close-device";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Compare two cords of the device.
@@ -135,7 +149,6 @@ export interface CompareCords {
   id: number;
   first: string;
   second: string;
-  [k: string]: unknown;
 }
 /**
  * Create a device from the uploaded body, and open it.
@@ -155,7 +168,6 @@ export interface CreateFromBody {
   size: number | null;
   material: string;
   edgeLength: number;
-  [k: string]: unknown;
 }
 /**
  * Create a device from one of the gallery, and open it.
@@ -169,7 +181,6 @@ export interface CreateFromGallery {
   id: number;
   start: string;
   name: string;
-  [k: string]: unknown;
 }
 /**
  * Delete cords.
@@ -178,7 +189,6 @@ export interface DeleteCords {
   kind: "delete-cords";
   id: number;
   cords: string[];
-  [k: string]: unknown;
 }
 /**
  * Delete a control point.
@@ -188,7 +198,6 @@ export interface DeletePoint {
   id: number;
   cord: string;
   index: number;
-  [k: string]: unknown;
 }
 /**
  * Interpret the uploaded body in a unit, or scale it to a size.
@@ -202,7 +211,6 @@ export interface DescribeUpload {
   id: number;
   unit: string | null;
   size: number | null;
-  [k: string]: unknown;
 }
 /**
  * Move the plane of a cord.
@@ -218,7 +226,6 @@ export interface DragPlane {
   origin: number[];
   axes: number[][];
   write: boolean;
-  [k: string]: unknown;
 }
 /**
  * Move a control point without writing it, and judge the cords.
@@ -238,7 +245,6 @@ export interface DragPoint {
   to: number[];
   snap: boolean;
   write: boolean;
-  [k: string]: unknown;
 }
 /**
  * Turn the tangent at a control point; as `DragPoint`, `to` is the tangent, mm.
@@ -250,7 +256,6 @@ export interface DragTangent {
   index: number;
   to: number[];
   write: boolean;
-  [k: string]: unknown;
 }
 /**
  * Add a copy of a cord, a little beside it.
@@ -259,7 +264,6 @@ export interface DuplicateCord {
   kind: "duplicate-cord";
   id: number;
   cord: string;
-  [k: string]: unknown;
 }
 /**
  * Remove a device from the list; its folder is kept.
@@ -268,7 +272,30 @@ export interface ForgetDevice {
   kind: "forget-device";
   id: number;
   folder: string;
-  [k: string]: unknown;
+}
+/**
+ * Get the surface and the cords in a state.
+ *
+ *     The answer has the arrays `vertices` (v, 3) mm and `cords` (n, 3) mm, the points of all cords
+ *     in the device's order, and the facts `revision` and `counts`, the number of points of each cord.
+ *
+ *     Attributes:
+ *         state: Index of the state.
+ */
+export interface GetShape {
+  kind: "get-shape";
+  id: number;
+  state: number;
+}
+/**
+ * Get the simulated body's surface at rest.
+ *
+ *     The answer has the arrays `rest` (v, 3) mm, `faces` (f, 3) and `edges` (e, 2), and the fact
+ *     `revision`.
+ */
+export interface GetSkin {
+  kind: "get-skin";
+  id: number;
 }
 /**
  * Add a control point before the index `before`, at (2,) or (3,) mm.
@@ -279,7 +306,6 @@ export interface InsertPoint {
   cord: string;
   before: number;
   at: number[];
-  [k: string]: unknown;
 }
 /**
  * Keep a picture of the open device for the list.
@@ -291,7 +317,6 @@ export interface KeepPicture {
   kind: "keep-picture";
   id: number;
   picture: string;
-  [k: string]: unknown;
 }
 /**
  * Make the body in the background, after asking whether its script may run.
@@ -299,7 +324,6 @@ export interface KeepPicture {
 export interface MakeBody {
   kind: "make-body";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Add a copy of a cord that is mirrored at the middle of the body, across an axis.
@@ -309,7 +333,6 @@ export interface MirrorCord {
   id: number;
   cord: string;
   axis: "x" | "y" | "z";
-  [k: string]: unknown;
 }
 /**
  * Open a device of the list, or that of the command line, in all browsers.
@@ -318,7 +341,6 @@ export interface OpenDevice {
   kind: "open-device";
   id: number;
   folder: string;
-  [k: string]: unknown;
 }
 /**
  * Cut the body's surface with a plane.
@@ -328,7 +350,6 @@ export interface OutlineOf {
   id: number;
   origin: number[];
   axes: number[][];
-  [k: string]: unknown;
 }
 /**
  * Pause the job.
@@ -336,7 +357,23 @@ export interface OutlineOf {
 export interface PauseJob {
   kind: "pause-job";
   id: number;
-  [k: string]: unknown;
+}
+/**
+ * Get the numbers of a point; see `ShowSection` for the other attributes.
+ *
+ *     Attributes:
+ *         at: The point at rest (3,), mm.
+ */
+export interface ProbePoint {
+  kind: "probe-point";
+  id: number;
+  at: number[];
+  origin: number[];
+  axes: number[][];
+  state: number;
+  quantity: "along" | "deviation-along" | "deviation-largest" | "largest" | "next-cord" | "smallest";
+  angle: number;
+  cord: string;
 }
 /**
  * Search for the cord that lowers the error most, and add it.
@@ -344,7 +381,6 @@ export interface PauseJob {
 export interface Propose {
   kind: "propose";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Repeat the edit that was undone last.
@@ -352,7 +388,6 @@ export interface Propose {
 export interface Redo {
   kind: "redo";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Rename a cord.
@@ -362,7 +397,6 @@ export interface RenameCord {
   id: number;
   cord: string;
   name: string;
-  [k: string]: unknown;
 }
 /**
  * Rename the device.
@@ -371,7 +405,6 @@ export interface RenameDevice {
   kind: "rename-device";
   id: number;
   name: string;
-  [k: string]: unknown;
 }
 /**
  * Remove a key from `device.toml`, so that its default holds.
@@ -380,7 +413,6 @@ export interface ResetField {
   kind: "reset-field";
   id: number;
   key: string;
-  [k: string]: unknown;
 }
 /**
  * Remove a parameter from `device.toml`, so that the script's default holds.
@@ -389,7 +421,6 @@ export interface ResetParameter {
   kind: "reset-parameter";
   id: number;
   name: string;
-  [k: string]: unknown;
 }
 /**
  * Replace a device file that cannot be read by the last valid one.
@@ -397,7 +428,6 @@ export interface ResetParameter {
 export interface Restore {
   kind: "restore";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Continue the job after a pause.
@@ -405,7 +435,25 @@ export interface Restore {
 export interface ResumeJob {
   kind: "resume-job";
   id: number;
-  [k: string]: unknown;
+}
+/**
+ * Search in a plane for the best place of another cord.
+ *
+ *     It replaces a running search. `NextCordState` follows, and arrays named "next-cord" when a map
+ *     is found: `points` (p, 3) mm, `drop` (p,) mm, NaN where no cord fits, and `ends` (p, 2, 3) mm of
+ *     the best cord through each point; with the fact `step`, the distance of the points in mm.
+ *
+ *     Attributes:
+ *         origin: Origin (3,) of the plane, mm.
+ *         axes: Its x axis, y axis and normal, (3, 3) by rows.
+ *         length: Length of the cord, mm; None for cords from surface to surface.
+ */
+export interface SearchNextCord {
+  kind: "search-next-cord";
+  id: number;
+  origin: number[];
+  axes: number[][];
+  length: number | null;
 }
 /**
  * Set a key of `device.toml`.
@@ -415,7 +463,6 @@ export interface SetField {
   id: number;
   key: string;
   value: number | boolean | string;
-  [k: string]: unknown;
 }
 /**
  * Set what the optimizer may change of a cord; nothing locks it.
@@ -425,7 +472,6 @@ export interface SetFreedoms {
   id: number;
   cord: string;
   free: ("ends" | "offset" | "path" | "plane")[];
-  [k: string]: unknown;
 }
 /**
  * Set a parameter of the body's script; the body follows.
@@ -435,7 +481,37 @@ export interface SetParameter {
   id: number;
   name: string;
   value: number | boolean | string;
-  [k: string]: unknown;
+}
+/**
+ * Cut the body with a plane.
+ *
+ *     The answer has the arrays `vertices` (v, 3) mm in the state, `rest` (v, 3) mm at rest,
+ *     `triangles` (t, 3) and `values` (v,), NaN where unknown; and the facts `low`, `high` and `step`
+ *     of the color bar, `smallest` and `largest` value of the section or null, `lowest` and `highest`
+ *     offset of the plane from the body's middle that meets the body (mm), and `direction`, the ends
+ *     of a line along the direction or null.
+ *
+ *     Attributes:
+ *         origin: Origin (3,) of the plane in the body at rest, mm.
+ *         axes: Its x axis, y axis and normal, (3, 3) by rows.
+ *         state: Index of the state.
+ *         quantity: The quantity.
+ *         angle: Direction in the plane, degrees from its x axis.
+ *         cord: Name of a cord whose local direction replaces the angle; empty for none.
+ *         detail: "coarse" while the plane is dragged.
+ *         is_range_fixed: Whether the color bar is the same for all states and planes.
+ */
+export interface ShowSection {
+  kind: "show-section";
+  id: number;
+  origin: number[];
+  axes: number[][];
+  state: number;
+  quantity: "along" | "deviation-along" | "deviation-largest" | "largest" | "next-cord" | "smallest";
+  angle: number;
+  cord: string;
+  detail: "coarse" | "fine";
+  isRangeFixed: boolean;
 }
 /**
  * Compute the tangents of a cord from its points.
@@ -444,7 +520,6 @@ export interface SmoothCord {
   kind: "smooth-cord";
   id: number;
   cord: string;
-  [k: string]: unknown;
 }
 /**
  * Build the device up to a stage in the background.
@@ -453,7 +528,6 @@ export interface StartBuild {
   kind: "start-build";
   id: number;
   stage: "mesh" | "optimize" | "report" | "simulate";
-  [k: string]: unknown;
 }
 /**
  * Stop making the body, and keep the previous one.
@@ -461,7 +535,17 @@ export interface StartBuild {
 export interface StopBody {
   kind: "stop-body";
   id: number;
-  [k: string]: unknown;
+}
+/**
+ * Cancel the search, and forget its map.
+ *
+ *     Attributes:
+ *         keeps_map: Whether a map that was found is kept.
+ */
+export interface StopNextCord {
+  kind: "stop-next-cord";
+  id: number;
+  keepsMap: boolean;
 }
 /**
  * Undo the last edit.
@@ -469,7 +553,6 @@ export interface StopBody {
 export interface Undo {
   kind: "undo";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Announce a file, whose parts follow as binary messages that begin with this number.
@@ -485,7 +568,6 @@ export interface Upload {
   id: number;
   name: string;
   size: number;
-  [k: string]: unknown;
 }
 /**
  * Send the surface of the uploaded body as arrays; `UploadedBody.scale` turns it into mm.
@@ -493,7 +575,6 @@ export interface Upload {
 export interface UploadedSurface {
   kind: "uploaded-surface";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Where the body comes from, and the parameters of its script.
@@ -514,7 +595,6 @@ export interface BodyParameters {
   other: string[];
   unknown: string[];
   problem: Problem | null;
-  [k: string]: unknown;
 }
 /**
  * A parameter of the body's script.
@@ -546,7 +626,6 @@ export interface Parameter {
   max: number | null;
   choices: string[];
   isSet: boolean;
-  [k: string]: unknown;
 }
 /**
  * An error, as a page shows it.
@@ -564,7 +643,6 @@ export interface Problem {
   message: string;
   field: string;
   cord: string;
-  [k: string]: unknown;
 }
 /**
  * The newest body.
@@ -587,7 +665,6 @@ export interface BodyStatus {
   size: number[] | null;
   volume: number;
   isPreview: boolean;
-  [k: string]: unknown;
 }
 /**
  * All catalogues.
@@ -595,7 +672,6 @@ export interface BodyStatus {
 export interface Catalogues {
   kind: "catalogues";
   catalogues: Catalogue[];
-  [k: string]: unknown;
 }
 /**
  * Materials, cords, filaments of traces, or printers.
@@ -609,7 +685,6 @@ export interface Catalogue {
   name: "cord" | "material" | "printer" | "trace";
   columns: CatalogueColumn[];
   rows: CatalogueRow[];
-  [k: string]: unknown;
 }
 /**
  * A column of a catalogue.
@@ -621,7 +696,6 @@ export interface Catalogue {
 export interface CatalogueColumn {
   label: string;
   unit: string;
-  [k: string]: unknown;
 }
 /**
  * A row of a catalogue.
@@ -637,7 +711,6 @@ export interface CatalogueRow {
   values: (number | string | null)[];
   note: string;
   source: string;
-  [k: string]: unknown;
 }
 /**
  * The choices of catalogues, and the fields of the device.
@@ -646,7 +719,6 @@ export interface DeviceFields {
   kind: "device-fields";
   choices: CatalogueChoice[];
   groups: FieldGroup[];
-  [k: string]: unknown;
 }
 /**
  * A row of a catalogue that the device uses.
@@ -664,7 +736,6 @@ export interface CatalogueChoice {
   values: (number | string | null)[];
   isCustom: boolean;
   changed: string[];
-  [k: string]: unknown;
 }
 /**
  * Fields under one heading.
@@ -678,7 +749,6 @@ export interface FieldGroup {
   title: string;
   fields: DeviceField[];
   more: DeviceField[];
-  [k: string]: unknown;
 }
 /**
  * A key of `device.toml`, as it is declared, with its value.
@@ -714,7 +784,6 @@ export interface DeviceField {
   isHighOpen: boolean;
   choices: string[];
   canReset: boolean;
-  [k: string]: unknown;
 }
 /**
  * The device as it is now.
@@ -739,7 +808,6 @@ export interface DeviceState {
   cords: CordState[];
   regions: string[];
   poses: string[];
-  [k: string]: unknown;
 }
 /**
  * A cord of the device.
@@ -767,7 +835,6 @@ export interface CordState {
   isSmooth: boolean;
   path: number[][];
   free: string[];
-  [k: string]: unknown;
 }
 /**
  * What a new device can be made from.
@@ -788,7 +855,6 @@ export interface Gallery {
   units: string[];
   materials: MaterialChoice[];
   defaultMaterial: string;
-  [k: string]: unknown;
 }
 /**
  * A device to start from.
@@ -808,7 +874,6 @@ export interface GalleryDevice {
   poses: string[];
   cords: number;
   picture: string;
-  [k: string]: unknown;
 }
 /**
  * A material of the catalogue.
@@ -820,7 +885,86 @@ export interface GalleryDevice {
 export interface MaterialChoice {
   name: string;
   youngModulus: number;
-  [k: string]: unknown;
+}
+/**
+ * What sections of the body can show.
+ *
+ *     Attributes:
+ *         is_ready: Whether the poses are simulated.
+ *         text: What to do first, if they are not.
+ *         revision: Number of the simulation; skins and shapes belong to one.
+ *         states: The states, rest first; empty if not ready.
+ *         first_state: Index of the state to show first.
+ *         origin: Origin (3,) of the plane to show first, mm.
+ *         axes: Its x axis, y axis and normal, (3, 3) by rows.
+ *         middle: Middle (3,) of the body, from which offsets of planes are measured, mm.
+ *         size: Largest extent of the body, mm.
+ *         short_cord: Length of a short cord, mm.
+ *         quantities: The quantities.
+ *         color_maps: The color maps.
+ *         unknown_color: Color (3,) where a quantity is unknown, 0 to 255.
+ */
+export interface InsideState {
+  kind: "inside-state";
+  isReady: boolean;
+  text: string;
+  revision: number;
+  states: StateInfo[];
+  firstState: number;
+  origin: number[];
+  axes: number[][];
+  middle: number[];
+  size: number;
+  shortCord: number;
+  quantities: QuantityInfo[];
+  colorMaps: ColorMap[];
+  unknownColor: number[];
+}
+/**
+ * A simulated state.
+ *
+ *     Attributes:
+ *         name: Name of the state.
+ *         label: What it is called, such as "bend 50 %".
+ */
+export interface StateInfo {
+  name: string;
+  label: string;
+}
+/**
+ * A quantity that a section shows.
+ *
+ *     Attributes:
+ *         name: The quantity.
+ *         label: What it is called.
+ *         hint: What it means.
+ *         unit: Unit of its numbers.
+ *         color_map: Name of its color map.
+ *         needs_direction: Whether it depends on a direction.
+ *         varies_by_state: Whether it differs from state to state.
+ */
+export interface QuantityInfo {
+  name: "along" | "deviation-along" | "deviation-largest" | "largest" | "next-cord" | "smallest";
+  label: string;
+  hint: string;
+  unit: string;
+  colorMap: string;
+  needsDirection: boolean;
+  variesByState: boolean;
+}
+/**
+ * Colors of numbers.
+ *
+ *     Attributes:
+ *         name: Name of the map.
+ *         colors: Colors (k, 3), 0 to 255, at equal distances.
+ *         is_diverging: Whether the middle color is that of zero, and both ends are equally far from
+ *             it; otherwise the map extends from the lower end of a range to its upper end.
+ */
+export interface ColorMap {
+  name: string;
+  colors: number[][];
+  isDiverging: boolean;
 }
 /**
  * The work in the background, or the last one that has ended.
@@ -845,7 +989,32 @@ export interface Job {
   canPause: boolean;
   givesWay: boolean;
   problem: Problem | null;
-  [k: string]: unknown;
+}
+/**
+ * What the search of this browser does, or has found.
+ *
+ *     Attributes:
+ *         state: "outdated" after a change of the cords or of the simulation.
+ *         share: Completed share, 0 to 1.
+ *         problem: Why it has failed.
+ *         has_map: Whether a map is known; a coarse one is, while the fine one is searched.
+ *         length: Length of the cords, mm; None from surface to surface.
+ *         tried: Number of cords that were tried.
+ *         error: Expected error of the present cords, mm.
+ *         drop: Decrease of the error by the best cord, mm; 0 if none lowers it.
+ *         ends: Ends (2, 3) of the best cord, mm; empty if none lowers the error.
+ */
+export interface NextCordState {
+  kind: "next-cord-state";
+  state: "canceled" | "failed" | "found" | "none" | "outdated" | "searching";
+  share: number;
+  problem: Problem | null;
+  hasMap: boolean;
+  length: number | null;
+  tried: number;
+  error: number;
+  drop: number;
+  ends: number[][];
 }
 /**
  * A short message that disappears by itself.
@@ -858,7 +1027,6 @@ export interface Notice {
   kind: "notice";
   text: string;
   problem: Problem | null;
-  [k: string]: unknown;
 }
 /**
  * Which page is shown.
@@ -875,7 +1043,6 @@ export interface Page {
   folder: string;
   problem: Problem | null;
   version: string;
-  [k: string]: unknown;
 }
 /**
  * The steps of the work, and what to do next.
@@ -884,7 +1051,6 @@ export interface Pipeline {
   kind: "pipeline";
   steps: StepStatus[];
   next: NextAction;
-  [k: string]: unknown;
 }
 /**
  * One step of the work.
@@ -899,7 +1065,6 @@ export interface StepStatus {
   name: "body" | "inside" | "make" | "measure" | "optimize" | "poses" | "sensors";
   state: "blocked" | "done" | "ready" | "stale";
   text: string;
-  [k: string]: unknown;
 }
 /**
  * What to do next.
@@ -915,7 +1080,6 @@ export interface NextAction {
   hint: string;
   step: "body" | "inside" | "make" | "measure" | "optimize" | "poses" | "sensors";
   stage: ("mesh" | "optimize" | "report" | "simulate") | null;
-  [k: string]: unknown;
 }
 /**
  * What is expected of the drawn cords and of those that were built.
@@ -938,7 +1102,6 @@ export interface Prediction {
   drawnProblem: Problem | null;
   built: number | null;
   isBuiltDrawn: boolean;
-  [k: string]: unknown;
 }
 /**
  * The error expected of cords, and the limits that they break.
@@ -960,7 +1123,6 @@ export interface Judgement {
   cords: CordNumbers[];
   violations: Violation[];
   broken: number[][];
-  [k: string]: unknown;
 }
 /**
  * What is expected in a pose at its largest level.
@@ -974,7 +1136,6 @@ export interface PoseError {
   pose: string;
   error: number;
   signals: number[];
-  [k: string]: unknown;
 }
 /**
  * Measured numbers of a cord.
@@ -990,7 +1151,6 @@ export interface CordNumbers {
   length: number;
   radius: number | null;
   wall: number;
-  [k: string]: unknown;
 }
 /**
  * A limit that is broken.
@@ -1006,7 +1166,6 @@ export interface Violation {
   text: string;
   cords: string[];
   at: number[];
-  [k: string]: unknown;
 }
 /**
  * How far the search for another cord is.
@@ -1017,7 +1176,6 @@ export interface Violation {
 export interface ProposalProgress {
   kind: "proposal-progress";
   share: number | null;
-  [k: string]: unknown;
 }
 /**
  * The question whether the body's script may run.
@@ -1030,7 +1188,6 @@ export interface Question {
   kind: "question";
   path: string;
   files: ScriptFile[];
-  [k: string]: unknown;
 }
 /**
  * A file that would run.
@@ -1044,7 +1201,6 @@ export interface ScriptFile {
   name: string;
   text: string;
   size: number;
-  [k: string]: unknown;
 }
 /**
  * The devices that were opened before.
@@ -1059,7 +1215,6 @@ export interface RecentDevices {
   devices: RecentDevice[];
   folder: string;
   isNewFolder: boolean;
-  [k: string]: unknown;
 }
 /**
  * A device that was opened before.
@@ -1079,7 +1234,6 @@ export interface RecentDevice {
   picture: string;
   isMissing: boolean;
   isOpen: boolean;
-  [k: string]: unknown;
 }
 /**
  * The answer to a request that sends no arrays.
@@ -1094,9 +1248,9 @@ export interface Reply {
   id: number;
   problem: Problem | null;
   result: unknown;
-  [k: string]: unknown;
 }
 export interface Results {
+  "add-next-cord": CordResult;
   "add-straight": CordResult;
   "add-stroke": CordResult;
   answer: null;
@@ -1114,6 +1268,8 @@ export interface Results {
   "drag-tangent": DragResult;
   "duplicate-cord": CordResult;
   "forget-device": null;
+  "get-shape": null;
+  "get-skin": null;
   "insert-point": null;
   "keep-picture": null;
   "make-body": null;
@@ -1121,6 +1277,7 @@ export interface Results {
   "open-device": null;
   "outline-of": PlaneOutline;
   "pause-job": null;
+  "probe-point": PointNumbers;
   propose: CordResult;
   redo: null;
   "rename-cord": null;
@@ -1129,12 +1286,15 @@ export interface Results {
   "reset-parameter": null;
   restore: null;
   "resume-job": null;
+  "search-next-cord": null;
   "set-field": null;
   "set-freedoms": null;
   "set-parameter": null;
+  "show-section": null;
   "smooth-cord": null;
   "start-build": null;
   "stop-body": null;
+  "stop-next-cord": null;
   undo: null;
   upload: null;
   "uploaded-surface": null;
@@ -1144,7 +1304,6 @@ export interface Results {
  */
 export interface CordResult {
   name: string;
-  [k: string]: unknown;
 }
 /**
  * Two cords next to each other; see `workflow.design.layout_judge.CordComparison`.
@@ -1156,7 +1315,6 @@ export interface Comparison {
   largestSignals: number[];
   correlation: number;
   isRedundant: boolean;
-  [k: string]: unknown;
 }
 /**
  * The body that this browser has uploaded.
@@ -1190,7 +1348,6 @@ export interface UploadedBody {
   minEdgeLength: number;
   maxEdgeLength: number;
   repairs: string[];
-  [k: string]: unknown;
 }
 /**
  * A cord while it is dragged.
@@ -1210,7 +1367,6 @@ export interface DragResult {
   snappedTo: string;
   judgement: Judgement | null;
   problem: Problem | null;
-  [k: string]: unknown;
 }
 /**
  * The outline of the body in a plane.
@@ -1224,5 +1380,25 @@ export interface PlaneOutline {
   segments: number[][][];
   low: number[];
   high: number[];
-  [k: string]: unknown;
+}
+/**
+ * Numbers of a point of the body.
+ *
+ *     Attributes:
+ *         rest: Position at rest (3,), mm.
+ *         position: Position in the state (3,), mm.
+ *         along: Strain along the direction, percent.
+ *         largest: Largest principal strain, percent.
+ *         smallest: Smallest principal strain, percent.
+ *         deviation: Standard deviation of the strain over all states, percent.
+ *         drop: Decrease of the expected error by a cord here, mm; None if unknown.
+ */
+export interface PointNumbers {
+  rest: number[];
+  position: number[];
+  along: number;
+  largest: number;
+  smallest: number;
+  deviation: number;
+  drop: number | null;
 }
