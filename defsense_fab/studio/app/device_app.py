@@ -10,6 +10,8 @@ from ..project.agreement import Agreement
 from ..project.project import Project
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
+from ..steps.make.step import MakeStep
+from ..steps.optimize.step import OptimizeStep
 from ..steps.sensors import SensorsStep
 from ..steps.shell import ShellStep
 
@@ -35,6 +37,8 @@ class DeviceApp:
         self.steps: tuple[Step, ...] = (
             shell,
             SensorsStep(self.session, shell.show_violations),
+            OptimizeStep(self.session),
+            MakeStep(self.session),
         )
         self._handlers: dict[type[Request], Handler] = {}
         for step in self.steps:
