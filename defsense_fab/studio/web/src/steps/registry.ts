@@ -1,6 +1,7 @@
 // The panels of each step; a step's folder registers its own.
 import { signal } from "@preact/signals";
 import type { ComponentType } from "preact";
+import type { Viewer } from "../scene/viewer";
 import type { StepName } from "../state/step";
 
 export interface StepPanels {
@@ -13,6 +14,8 @@ export interface StepPanels {
   /** Panel below the scene, and its title. */
   bottom?: ComponentType;
   bottomTitle?: string;
+  /** Show the step's things in the scene; return a function that removes them. */
+  scene?: (viewer: Viewer) => () => void;
   /** Shown in place of the scene, at its full size. */
   stage?: ComponentType;
 }
