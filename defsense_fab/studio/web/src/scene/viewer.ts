@@ -144,6 +144,12 @@ export class Viewer {
     this.cube.setHidden(isPlain);
   }
 
+  /** Show the shadow of the body, or hide it where other things take its place. */
+  setShadow(isShown: boolean): void {
+    this.shadow.object.visible = isShown;
+    this.refresh();
+  }
+
   dispose(): void {
     cancelAnimationFrame(this.frame);
     clearTimeout(this.stillTimer);
