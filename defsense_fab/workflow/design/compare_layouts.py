@@ -135,8 +135,9 @@ def estimate_seconds(device: Device, build: Build) -> float:
     """
     tried = tried_layouts(build)
     triangles = len(build.surface.faces)
-    trials = 1 + bool(device.sensors)
-    bands = trials + sum(k.band is None and k.problem is None for k in tried)
+    unmade = sum(k.parts is None and k.problem is None for k in tried)
+    trials = 1 + bool(device.sensors) + unmade
+    bands = trials + sum(k.band is None and k.parts is not None for k in tried)
     return _VISUAL_S + trials * _TRIAL_S + bands * _BAND_S + (trials + 1) * _TRIANGLE_S * triangles
 
 
@@ -146,7 +147,7 @@ def compare_layouts(
     on_layout: Callable[[ComparedLayout], None],
     report: Report,
 ) -> None:
-    """Make the drawn cords and a layout by eye on trial, and compute all missing bands.
+    """Make the drawn cords, a layout by eye and those not made yet on trial, and compute all bands.
 
     Args:
         device: The device.
@@ -167,7 +168,8 @@ def compare_layouts(
         new.append((VISUAL, tuple(baselines.visual_layout(task.design, count, rng))))
     except LayoutError as error:
         on_layout(ComparedLayout(VISUAL, (), float("nan"), problem=str(error)))
-    without_band = [k for k in tried if k.band is None and k.problem is None]
+    new += [(k.name, k.sensors) for k in tried if k.parts is None and k.problem is None]
+    without_band = [k for k in tried if k.band is None and k.parts is not None]
     for k, (name, sensors) in enumerate(new):
         report((k + 0.5) / (len(new) + 1), f"making the layout {name} on trial")
         on_layout(_make_compared(device, build, task, name, sensors))
