@@ -34,14 +34,14 @@ class OptimizeState(Event, frozen=True, kw_only=True):
             the drawn cords are the optimized ones, they differ from them, or the body, the poses
             or the material have changed since.
         text: The sentence.
-        can_search: Whether a search can start.
+        obstacle: Why no search can start, or why it would find the same; empty if one can.
         drawn: Expected error of the drawn cords, mm; None if it cannot be predicted.
         built: Expected error of the optimized cords, mm; None before a search.
     """
 
     standing: Standing
     text: str
-    can_search: bool
+    obstacle: str
     drawn: float | None = None
     built: float | None = None
 

@@ -17,40 +17,40 @@ from defsense_fab.studio.steps.make.step import MakeStep
 from defsense_fab.studio.workbench.build_state import BuildState
 from defsense_fab.workflow.view import Problem
 from tests.studio.devices import write_device
-from tests.studio.steps.recording_server import ask, open_step, settle
+from tests.studio.steps.conftest import open_app
 from tests.support.errors import raises
 
 TIMEOUT_S = 1200.0
 
 
+def make_step(app):
+    (step,) = (step for step in app.steps if isinstance(step, MakeStep))
+    assert app.session.wait(TIMEOUT_S)
+    assert step.wait(TIMEOUT_S)
+    return step
+
+
 @pytest.fixture
-def empty(tmp_path):
+def empty_app(tmp_path):
     """Open a device without a build."""
-    with open_step(MakeStep, write_device(tmp_path / "grip")) as (step, server):
-        settle(step)
-        yield step, server
+    app = open_app(write_device(tmp_path / "grip"))
+    yield app
+    app.close()
 
 
-@pytest.fixture
-def made(made_bar, tmp_path):
-    """Open a copy of a bar that the command line has built."""
-    with open_step(MakeStep, shutil.copytree(made_bar, tmp_path / "bar")) as (step, server):
-        settle(step)
-        yield step, server
-
-
-def test_a_device_without_parts_has_nothing_to_export(empty):
-    step, server = empty
-    state = server.last(messages.MakeState)
+def test_a_device_without_parts_has_nothing_to_export(empty_app):
+    app = empty_app
+    step, server = make_step(app), app.server
+    state = server.events[messages.MakeState]
     assert state.code == "not-built"
     assert state.export_obstacle
     assert not state.build_obstacle
-    assert not server.last(messages.Parts).parts
-    assert not server.last(messages.Guide).stages
+    assert not server.events[messages.Parts].parts
+    assert not server.events[messages.Guide].stages
     with raises(StorageError, "not-built"):
-        ask(step, messages.PartMeshes(id=1))
+        app.browser.ask("part-meshes")
     with pytest.raises(StorageError):
-        ask(step, messages.ExportDevice(id=2))
+        app.browser.ask("export-device")
     assert not list(step.session.project.folder.glob("*.zip"))
 
 
@@ -72,29 +72,32 @@ def test_the_export_needs_parts_of_the_current_device(state, can_export):
     assert (state.options or state.outdated_stage or "") in shown.detail
 
 
-def test_done_steps_outlive_the_program(empty):
-    step, server = empty
+def test_done_steps_outlive_the_program(empty_app):
+    app = empty_app
+    step, server = make_step(app), app.server
     folder = step.session.project.folder
     for stage, is_done in (("a", True), ("b", True), ("a", False), ("b", True)):
-        ask(step, messages.TickStage(id=1, stage=stage, is_done=is_done))
-    assert server.last(messages.AssemblyProgress).done == ["b"]
+        app.browser.ask("tick-stage", stage=stage, isDone=is_done)
+    assert server.events[messages.AssemblyProgress].done == ["b"]
     assert AssemblyTicks(folder).done == ["b"]
     (folder / ".studio" / "assembly.json").write_text("[", encoding="utf-8")
     assert AssemblyTicks(folder).done == []
 
 
-def test_done_steps_are_not_written_through_a_link(empty, tmp_path):
-    step, _ = empty
+def test_done_steps_are_not_written_through_a_link(empty_app, tmp_path):
+    app = empty_app
+    step = make_step(app)
     other = tmp_path / "other.json"
     other.write_text("{}", encoding="utf-8")
     (step.session.project.folder / ".studio" / "assembly.json").symlink_to(other)
     with raises(StorageError, "path-is-link"):
-        ask(step, messages.TickStage(id=1, stage="a", is_done=True))
+        app.browser.ask("tick-stage", stage="a", isDone=True)
     assert other.read_text(encoding="utf-8") == "{}"
 
 
-def test_only_files_of_the_build_are_sent(empty):
-    step, _ = empty
+def test_only_files_of_the_build_are_sent(empty_app):
+    app = empty_app
+    step = make_step(app)
     for path in (
         "make/device.toml",
         "make/../device.toml",
@@ -106,12 +109,13 @@ def test_only_files_of_the_build_are_sent(empty):
 
 
 @pytest.mark.slow
-def test_parts_and_steps_are_those_of_the_guide(made):
-    step, server = made
-    assert server.last(messages.MakeState).code == "up-to-date"
-    parts, guide = server.last(messages.Parts), server.last(messages.Guide)
+def test_parts_and_steps_are_those_of_the_guide(made_app):
+    app = made_app
+    step, server = make_step(app), app.server
+    assert server.events[messages.MakeState].code == "up-to-date"
+    parts, guide = server.events[messages.Parts], server.events[messages.Guide]
     assert parts.id == guide.id
-    sent = ask(step, messages.PartMeshes(id=1))
+    sent = app.browser.ask("part-meshes")
     assert sent.facts["names"] == [part.name for part in parts.parts] == list(step.guide.parts)
     for k, part in enumerate(parts.parts):
         vertices = sent.arrays[f"{k}/vertices"]
@@ -128,10 +132,11 @@ def test_parts_and_steps_are_those_of_the_guide(made):
 
 
 @pytest.mark.slow
-def test_files_of_the_build_are_saved(made):
-    step, server = made
+def test_files_of_the_build_are_saved(made_app):
+    app = made_app
+    step, server = make_step(app), app.server
     build = step.session.project.folder / "build"
-    files = {file.name: file for file in server.last(messages.Guide).files}
+    files = {file.name: file for file in server.events[messages.Guide].files}
     assert {"plate.3mf", "guide.html", "report.html"} <= set(files)
     for file in files.values():
         sent = step.download(file.path.removeprefix("files/"))
@@ -142,37 +147,39 @@ def test_files_of_the_build_are_saved(made):
 
 
 @pytest.mark.slow
-def test_an_older_device_is_not_exported(made):
-    step, server = made
+def test_an_older_device_is_not_exported(made_app):
+    app = made_app
+    step, server = make_step(app), app.server
     project = step.session.project
     text = project.text.replace("[75, 0]", "[75, 1]").replace("[62, 0]", "[62, 1]")
     (project.folder / "device.toml").write_text(text, encoding="utf-8")
     project.refresh()
-    settle(step)
-    state = server.last(messages.MakeState)
+    make_step(app)
+    state = server.events[messages.MakeState]
     assert state.code == "outdated"
     assert "optimize the layout" in state.detail
-    assert server.last(messages.Parts).parts  # they stay until the next build
+    assert server.events[messages.Parts].parts  # they stay until the next build
     with raises(StorageError, "build-outdated", stage="optimize"):
-        ask(step, messages.ExportDevice(id=1))
+        app.browser.ask("export-device")
     project.undo()
-    settle(step)
-    assert server.last(messages.MakeState).code == "up-to-date"
+    make_step(app)
+    assert server.events[messages.MakeState].code == "up-to-date"
 
 
 @pytest.mark.slow
-def test_a_build_of_the_page_exports_the_bytes_of_the_command(made, made_bar):
-    step, server = made
+def test_a_build_of_the_page_exports_the_bytes_of_the_command(made_app, made_bar):
+    app = made_app
+    step, server = make_step(app), app.server
     folder = step.session.project.folder
     shutil.rmtree(folder / "build")
     step.session.load()
-    settle(step)
-    assert server.last(messages.MakeState).code == "not-built"
+    make_step(app)
+    assert server.events[messages.MakeState].code == "not-built"
     step.session.build("report")
     assert step.session.jobs.wait(TIMEOUT_S)
-    settle(step)
+    make_step(app)
     assert step.session.build_error is None
-    answer = ask(step, messages.ExportDevice(id=1))
+    answer = app.browser.ask("export-device")
     sent = step.download(answer.file.path.removeprefix("files/"))
     assert len(sent.content) == answer.file.size
     with zipfile.ZipFile(io.BytesIO(sent.content)) as file:

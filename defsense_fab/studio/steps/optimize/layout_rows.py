@@ -74,8 +74,13 @@ def layout_rows(context: RowContext, layouts: Sequence[ComparedLayout]) -> list[
 
 def is_complete(layouts: Sequence[ComparedLayout]) -> bool:
     """Return whether a comparison has computed all numbers of the layouts."""
-    made = {layout.name for layout in layouts if layout.band is not None or layout.problem}
-    return VISUAL in made and all(layout.name in made or layout.is_studied for layout in layouts)
+    names = {layout.name for layout in layouts}
+    return VISUAL in names and all(
+        layout.is_studied
+        or layout.problem is not None
+        or (layout.parts is not None and layout.band is not None)
+        for layout in layouts
+    )
 
 
 def _row(context: RowContext, layout: ComparedLayout, is_drawn: bool) -> LayoutRow:

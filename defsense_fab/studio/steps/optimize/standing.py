@@ -42,10 +42,22 @@ def optimize_state(facts: Facts) -> OptimizeState:
     return OptimizeState(
         standing=standing,  # type: ignore[arg-type]  # one of the names below
         text=text,
-        can_search=facts.has_poses and facts.has_cords and not facts.is_searching,
+        obstacle=_obstacle(facts),
         drawn=facts.drawn,
         built=facts.built,
     )
+
+
+def _obstacle(f: Facts) -> str:
+    if f.is_searching:
+        return "A search is running"
+    if not f.has_poses:
+        return "Add a pose first"
+    if not f.has_cords:
+        return f"Add a {f.noun} first"
+    if f.is_current and f.built is not None:
+        return "Nothing has changed since the last search: another one would find the same"
+    return ""
 
 
 def _standing(f: Facts) -> tuple[str, str]:
@@ -73,12 +85,12 @@ def _standing(f: Facts) -> tuple[str, str]:
         )
     if f.is_built_drawn:
         return "optimized", f"The drawn {cords} are the optimized ones: {built} expected."
-    if f.is_current:
-        drawn_part = f"The drawn {cords} are still those that it started from"
-    else:
-        drawn_part = f"The drawn {cords} differ from its {cords}"
-    error = f", with {drawn}" if drawn else ""
-    return "drawn-differ", f"The last search reached {built}. {drawn_part}{error}."
+    relation = "are still those it started from" if f.is_current else "are different"
+    error = f" and have {drawn}" if drawn else ""
+    return (
+        "drawn-differ",
+        f"The last search reached {built}. The drawn {cords} {relation}{error}.",
+    )
 
 
 def _mm(error: float | None) -> str:

@@ -196,15 +196,16 @@ class OptimizeStep(Step):
                 is_drawn = are_same([c.sensor() for c in layout.sensors], device.sensors)
             except (DefsenseError, OSError):  # a build replaces it, or it is damaged
                 built = None
+        is_searching = search.state == "running"
         self.state = optimize_state(
             Facts(
                 noun=device.cord.noun,
                 has_poses=bool(device.poses),
                 has_cords=bool(device.sensors) or bool(device.propose),
                 is_simulated=session.freshness.get("simulate") == "current",
-                is_searching=search.state == "running",
+                is_searching=is_searching,
                 best=search.best,
-                drawn=self._drawn_error,
+                drawn=search.drawn if is_searching else self._drawn_error,
                 built=built,
                 is_built_drawn=is_drawn,
                 is_current=session.freshness.get("optimize") == "current",

@@ -768,7 +768,7 @@ export interface Notice {
  *             the drawn cords are the optimized ones, they differ from them, or the body, the poses
  *             or the material have changed since.
  *         text: The sentence.
- *         can_search: Whether a search can start.
+ *         obstacle: Why no search can start, or why it would find the same; empty if one can.
  *         drawn: Expected error of the drawn cords, mm; None if it cannot be predicted.
  *         built: Expected error of the optimized cords, mm; None before a search.
  */
@@ -776,7 +776,7 @@ export interface OptimizeState {
   kind: "optimize-state";
   standing: "drawn-differ" | "never-searched" | "not-ready" | "optimized" | "outdated" | "searching";
   text: string;
-  canSearch: boolean;
+  obstacle: string;
   drawn: number | null;
   built: number | null;
   [k: string]: unknown;

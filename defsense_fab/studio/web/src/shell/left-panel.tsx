@@ -15,6 +15,7 @@ import {
   toggleHidden,
 } from "../state/selection";
 import type { IconName } from "../ui/icons";
+import { partNodes } from "../steps/make/part-nodes";
 import { IconButton } from "../ui/button";
 import { openContextMenuFor } from "../ui/menu";
 import { Tree, type TreeNode } from "../ui/tree";
@@ -48,6 +49,7 @@ function nodes(): TreeNode[] {
     group("regions", "Regions", regions.map((name) => itemNode({ kind: "region", name }, "region"))),
     group("poses", "Poses", poses.map((name) => itemNode({ kind: "pose", name }, "pose"))),
     group("cords", sensors, cords.map(cordNode)),
+    ...partNodes(),
   ];
 }
 
