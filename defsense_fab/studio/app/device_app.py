@@ -12,6 +12,8 @@ from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
 from ..steps.body.step import BodyStep
 from ..steps.inside.inside_step import InsideStep
+from ..steps.make.step import MakeStep
+from ..steps.optimize.step import OptimizeStep
 from ..steps.sensors import SensorsStep
 from ..steps.shell import ShellStep
 
@@ -39,6 +41,8 @@ class DeviceApp:
             BodyStep(self.session),
             SensorsStep(self.session, shell.show_violations),
             InsideStep(self.session),
+            OptimizeStep(self.session),
+            MakeStep(self.session),
         )
         self._handlers: dict[type[Request], Handler] = {}
         for step in self.steps:

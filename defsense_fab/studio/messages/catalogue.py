@@ -10,9 +10,9 @@ from typing import Any, Union
 import msgspec
 
 from ...workflow.view import Event, Reply, Request, Upload
-from . import body, inside, sensors, shell, start
+from . import body, inside, make, optimize, sensors, shell, start
 
-MODULES: tuple[ModuleType, ...] = (shell, start, body, inside, sensors)
+MODULES: tuple[ModuleType, ...] = (shell, start, body, inside, sensors, optimize, make)
 
 
 def messages(base: type) -> tuple[Any, ...]:

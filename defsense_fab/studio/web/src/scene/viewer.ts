@@ -163,6 +163,12 @@ export class Viewer {
     this.invalidate();
   }
 
+  /** Show the shadow of the body, or hide it where other things take its place. */
+  setShadow(isShown: boolean): void {
+    this.shadow.object.visible = isShown;
+    this.refresh();
+  }
+
   dispose(): void {
     cancelAnimationFrame(this.frame);
     clearTimeout(this.stillTimer);

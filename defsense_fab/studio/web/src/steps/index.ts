@@ -2,6 +2,8 @@
 import { STEPS } from "../state/step";
 import "./body";
 import "./inside";
+import "./make";
+import "./optimize";
 import { registerStep, stepPanels } from "./registry";
 import "./sensors";
 import { StepOverview } from "./step-overview";
