@@ -15,6 +15,7 @@ export interface Protocol {
     | ChooseRow
     | CloseDevice
     | CompareCords
+    | CompareLayouts
     | CreateFromBody
     | CreateFromGallery
     | DeleteCords
@@ -24,6 +25,8 @@ export interface Protocol {
     | DragPoint
     | DragTangent
     | DuplicateCord
+    | ErrorMapOf
+    | ExportDevice
     | ForgetDevice
     | GetShape
     | GetSkin
@@ -33,6 +36,7 @@ export interface Protocol {
     | MirrorCord
     | OpenDevice
     | OutlineOf
+    | PartMeshes
     | PauseJob
     | ProbePoint
     | Propose
@@ -52,27 +56,38 @@ export interface Protocol {
     | StartBuild
     | StopBody
     | StopNextCord
+    | TickStage
     | Undo
     | Upload
-    | UploadedSurface;
+    | UploadedSurface
+    | UseBest
+    | UseLayout;
   event:
+    | AssemblyProgress
     | BodyParameters
     | BodyStatus
     | Catalogues
     | DeviceFields
     | DeviceState
+    | ErrorStates
     | Gallery
+    | Guide
     | InsideState
     | Job
+    | Layouts
+    | MakeState
     | NextCordState
     | Notice
+    | OptimizeState
     | Page
+    | Parts
     | Pipeline
     | Prediction
     | ProposalProgress
     | Question
     | RecentDevices
-    | Reply;
+    | Reply
+    | Search;
   results: Results;
 }
 /**
@@ -149,6 +164,13 @@ export interface CompareCords {
   id: number;
   first: string;
   second: string;
+}
+/**
+ * Compute the missing numbers of the layouts in the background.
+ */
+export interface CompareLayouts {
+  kind: "compare-layouts";
+  id: number;
 }
 /**
  * Create a device from the uploaded body, and open it.
@@ -266,6 +288,28 @@ export interface DuplicateCord {
   cord: string;
 }
 /**
+ * Compute the error on the surface in a state.
+ *
+ *     It is answered with the arrays `rest` (v, 3) mm, `moved` (v, 3) mm, `faces` (f, 3), `edges`
+ *     (e, 2) and `error` (v,) mm, and with the facts `mean`, `largest` and `high`, the end of the
+ *     scale of all states, in mm.
+ *
+ *     Attributes:
+ *         state: Name of the state.
+ */
+export interface ErrorMapOf {
+  kind: "error-map-of";
+  id: number;
+  state: string;
+}
+/**
+ * Write the parts, the guide, the report and the design into a zip in the device's folder.
+ */
+export interface ExportDevice {
+  kind: "export-device";
+  id: number;
+}
+/**
  * Remove a device from the list; its folder is kept.
  */
 export interface ForgetDevice {
@@ -350,6 +394,16 @@ export interface OutlineOf {
   id: number;
   origin: number[];
   axes: number[][];
+}
+/**
+ * Get the surfaces of the parts.
+ *
+ *     It is answered with the arrays `<k>/vertices` (v, 3) mm, `<k>/faces` (f, 3) and `<k>/edges`
+ *     (e, 2) of each part k, and with the facts `id` and `names`.
+ */
+export interface PartMeshes {
+  kind: "part-meshes";
+  id: number;
 }
 /**
  * Pause the job.
@@ -548,6 +602,15 @@ export interface StopNextCord {
   keepsMap: boolean;
 }
 /**
+ * Mark a step of the assembly as done, or as not done.
+ */
+export interface TickStage {
+  kind: "tick-stage";
+  id: number;
+  stage: string;
+  isDone: boolean;
+}
+/**
  * Undo the last edit.
  */
 export interface Undo {
@@ -575,6 +638,28 @@ export interface Upload {
 export interface UploadedSurface {
   kind: "uploaded-surface";
   id: number;
+}
+/**
+ * End the search if it runs, and replace the drawn cords by its best ones.
+ */
+export interface UseBest {
+  kind: "use-best";
+  id: number;
+}
+/**
+ * Replace the drawn cords by those of a layout.
+ */
+export interface UseLayout {
+  kind: "use-layout";
+  id: number;
+  name: string;
+}
+/**
+ * The steps of the assembly that are done, by their identifiers.
+ */
+export interface AssemblyProgress {
+  kind: "assembly-progress";
+  done: string[];
 }
 /**
  * Where the body comes from, and the parameters of its script.
@@ -837,6 +922,26 @@ export interface CordState {
   free: string[];
 }
 /**
+ * The states of the last build whose error can be shown on the surface.
+ */
+export interface ErrorStates {
+  kind: "error-states";
+  states: MappedState[];
+}
+/**
+ * A state whose error is shown on the surface.
+ *
+ *     Attributes:
+ *         name: Name of the state.
+ *         expected: Error at the markers with noise, mm.
+ *         is_held_out: Whether the layout was optimized without it.
+ */
+export interface MappedState {
+  name: string;
+  expected: number;
+  isHeldOut: boolean;
+}
+/**
  * What a new device can be made from.
  *
  *     Attributes:
@@ -885,6 +990,135 @@ export interface GalleryDevice {
 export interface MaterialChoice {
   name: string;
   youngModulus: number;
+}
+/**
+ * How the parts of the last build are assembled.
+ *
+ *     Attributes:
+ *         id: Identifier of the build's parts; empty without parts.
+ *         cord_radius: Radius of the cords, mm.
+ *         wire_radius: Radius of the wires, mm.
+ *         cords: The cords as built in.
+ *         stages: The steps, in order.
+ *         lists: What to print, to cut and to buy.
+ *         checks: Measurements of the parts with their limits.
+ *         notes: Warnings.
+ *         files: Files of the build.
+ */
+export interface Guide {
+  kind: "guide";
+  id: string;
+  cordRadius: number;
+  wireRadius: number;
+  cords: BuiltCordState[];
+  stages: GuideStage[];
+  lists: GuideList[];
+  checks: GuideList | null;
+  notes: GuideNote[];
+  files: MadeFile[];
+}
+/**
+ * A cord as it is built in.
+ *
+ *     Attributes:
+ *         name: Name of the cord.
+ *         color: Its color, "#rrggbb".
+ *         path: Points (p, 3), mm.
+ */
+export interface BuiltCordState {
+  name: string;
+  color: string;
+  path: number[][];
+}
+/**
+ * A step of the assembly.
+ *
+ *     Attributes:
+ *         id: Identifier of its content; the steps that are done are kept by it.
+ *         title: Its title.
+ *         passages: Instructions, in passages.
+ *         view: What the picture shows.
+ *         cords: Names of the cords in the picture.
+ *         joint: The joint that it closes, or None.
+ */
+export interface GuideStage {
+  id: string;
+  title: string;
+  passages: string[][];
+  view: "assembled" | "cords" | "exploded" | "joint" | "plates";
+  cords: string[];
+  joint: GuideJoint | null;
+}
+/**
+ * The joint that a step closes.
+ *
+ *     Attributes:
+ *         lower: Names of the parts on the table.
+ *         upper: Names of the parts that are lifted.
+ *         lift: Displacement (3,) of the lifted parts in the open joint, mm.
+ *         wires: Lines (p, 3) of the wires, mm.
+ *         pins: The pins.
+ */
+export interface GuideJoint {
+  lower: string[];
+  upper: string[];
+  lift: number[];
+  wires: number[][][];
+  pins: GuidePin[];
+}
+/**
+ * A pin of a joint.
+ *
+ *     Attributes:
+ *         letter: Letter by which the text names it.
+ *         start: One end (3,), mm.
+ *         end: The other end (3,), mm.
+ *         radius: Radius, mm.
+ */
+export interface GuidePin {
+  letter: string;
+  start: number[];
+  end: number[];
+  radius: number;
+}
+/**
+ * A table of texts.
+ *
+ *     Attributes:
+ *         title: Its title.
+ *         header: Headings of the columns.
+ *         rows: Rows with as many texts.
+ */
+export interface GuideList {
+  title: string;
+  header: string[];
+  rows: string[][];
+}
+/**
+ * A warning.
+ *
+ *     Attributes:
+ *         text: The warning.
+ *         point: Where it applies (3,), mm; None for the whole device.
+ */
+export interface GuideNote {
+  text: string;
+  point: number[] | null;
+}
+/**
+ * A file of the build that can be saved.
+ *
+ *     Attributes:
+ *         title: What it is.
+ *         name: Its name.
+ *         path: Its address on this server.
+ *         size: Its size in bytes.
+ */
+export interface MadeFile {
+  title: string;
+  name: string;
+  path: string;
+  size: number;
 }
 /**
  * What sections of the body can show.
@@ -991,6 +1225,87 @@ export interface Job {
   problem: Problem | null;
 }
 /**
+ * The layouts side by side, the drawn one first, the others by increasing error.
+ *
+ *     Attributes:
+ *         rows: The layouts.
+ *         compare_seconds: Estimated time to compute the missing numbers, s; 0 if none is missing.
+ *         obstacle: Why the missing numbers cannot be computed; empty if they can.
+ */
+export interface Layouts {
+  kind: "layouts";
+  rows: LayoutRow[];
+  compareSeconds: number;
+  obstacle: string;
+}
+/**
+ * A layout next to others. Numbers that are not computed are None.
+ *
+ *     Attributes:
+ *         name: Unique name of the layout.
+ *         role: Which layout it is.
+ *         is_drawn: Whether the drawn cords are those of the layout.
+ *         error: Error in unseen states, mm.
+ *         trained: Error expected after training, with the memory of the cords, mm.
+ *         trained_low: Lower limit of the range of 90 % of built devices, mm.
+ *         trained_high: Upper limit of this range, mm.
+ *         parts: Number of parts.
+ *         print_hours: Estimated time to print them, h.
+ *         length: Length of all cords with their inlets, mm.
+ *         planes: Number of planes that the body is cut along.
+ *         cords: The cords.
+ *         notes: Warnings about its parts.
+ *         problem: Why it cannot be made; empty if it can.
+ */
+export interface LayoutRow {
+  name: string;
+  role: "built" | "by-eye" | "candidate" | "drawn" | "studied";
+  isDrawn: boolean;
+  error: number | null;
+  trained: number | null;
+  trainedLow: number | null;
+  trainedHigh: number | null;
+  parts: number | null;
+  printHours: number | null;
+  length: number | null;
+  planes: number;
+  cords: GhostCord[];
+  notes: string[];
+  problem: string;
+}
+/**
+ * A cord that is shown and does not belong to the device.
+ *
+ *     Attributes:
+ *         name: Name of the cord.
+ *         path: Points (p, 3) along its path, mm.
+ */
+export interface GhostCord {
+  name: string;
+  path: number[][];
+}
+/**
+ * Which version of the device the parts belong to.
+ *
+ *     Attributes:
+ *         code: Whether parts are built, belong to an earlier device, were built with other options,
+ *             or are up to date.
+ *         text: The same in a sentence.
+ *         detail: What has changed, or what to do, in a second sentence; may be empty.
+ *         build_obstacle: Why the parts cannot be built; empty if they can.
+ *         export_obstacle: Why there is nothing to export; empty if there is.
+ *         problem: Why the last build failed, or None.
+ */
+export interface MakeState {
+  kind: "make-state";
+  code: "not-built" | "other-options" | "outdated" | "up-to-date";
+  text: string;
+  detail: string;
+  buildObstacle: string;
+  exportObstacle: string;
+  problem: Problem | null;
+}
+/**
  * What the search of this browser does, or has found.
  *
  *     Attributes:
@@ -1029,6 +1344,26 @@ export interface Notice {
   problem: Problem | null;
 }
 /**
+ * What is true of the drawn and of the optimized cords.
+ *
+ *     Attributes:
+ *         standing: What the sentence says: nothing can be searched yet, no search has run, one runs,
+ *             the drawn cords are the optimized ones, they differ from them, or the body, the poses
+ *             or the material have changed since.
+ *         text: The sentence.
+ *         obstacle: Why no search can start, or why it would find the same; empty if one can.
+ *         drawn: Expected error of the drawn cords, mm; None if it cannot be predicted.
+ *         built: Expected error of the optimized cords, mm; None before a search.
+ */
+export interface OptimizeState {
+  kind: "optimize-state";
+  standing: "drawn-differ" | "never-searched" | "not-ready" | "optimized" | "outdated" | "searching";
+  text: string;
+  obstacle: string;
+  drawn: number | null;
+  built: number | null;
+}
+/**
  * Which page is shown.
  *
  *     Attributes:
@@ -1043,6 +1378,37 @@ export interface Page {
   folder: string;
   problem: Problem | null;
   version: string;
+}
+/**
+ * The parts of the last build.
+ *
+ *     Attributes:
+ *         id: Identifier of the build's parts; empty without parts.
+ *         parts: The parts.
+ */
+export interface Parts {
+  kind: "parts";
+  id: string;
+  parts: PartState[];
+}
+/**
+ * A part of the device.
+ *
+ *     Attributes:
+ *         name: Its name, which starts with its number.
+ *         color: Its color in the guide, "#rrggbb".
+ *         volume: Volume, mm^3.
+ *         size: Extent along the axes of the device (3,), mm.
+ *         plate: File of the plate that it is printed on; empty if it is cast.
+ *         shift: Displacement (3,) mm in the exploded view.
+ */
+export interface PartState {
+  name: string;
+  color: string;
+  volume: number;
+  size: number[];
+  plate: string;
+  shift: number[];
 }
 /**
  * The steps of the work, and what to do next.
@@ -1249,6 +1615,45 @@ export interface Reply {
   problem: Problem | null;
   result: unknown;
 }
+/**
+ * The search of this session, while it runs and after it.
+ *
+ *     Attributes:
+ *         state: Whether a search has started, runs or has ended.
+ *         times: Time of work of each layout that it has come to (n,), s.
+ *         currents: Error of these layouts (n,), mm.
+ *         bests: Error of the best layout until then (n,), mm; None before there is one.
+ *         drawn: Error of the drawn cords, mm; None if it cannot be predicted.
+ *         best: Error of the best layout that keeps all limits, mm; None before there is one.
+ *         poses: Errors by pose.
+ *         current_cords: The layout that it has come to; empty after its end.
+ *         best_cords: The best layout.
+ */
+export interface Search {
+  kind: "search";
+  state: "ended" | "none" | "running";
+  times: number[];
+  currents: number[];
+  bests: (number | null)[];
+  drawn: number | null;
+  best: number | null;
+  poses: SearchedPose[];
+  currentCords: GhostCord[];
+  bestCords: GhostCord[];
+}
+/**
+ * The error in a pose at its largest level.
+ *
+ *     Attributes:
+ *         pose: Name of the pose.
+ *         drawn: Error of the drawn cords, mm; None if it cannot be predicted.
+ *         best: Error of the best cords of the search, mm; None before they are found.
+ */
+export interface SearchedPose {
+  pose: string;
+  drawn: number | null;
+  best: number | null;
+}
 export interface Results {
   "add-next-cord": CordResult;
   "add-straight": CordResult;
@@ -1258,6 +1663,7 @@ export interface Results {
   "choose-row": null;
   "close-device": null;
   "compare-cords": Comparison;
+  "compare-layouts": null;
   "create-from-body": null;
   "create-from-gallery": null;
   "delete-cords": null;
@@ -1267,6 +1673,8 @@ export interface Results {
   "drag-point": DragResult;
   "drag-tangent": DragResult;
   "duplicate-cord": CordResult;
+  "error-map-of": null;
+  "export-device": ExportResult;
   "forget-device": null;
   "get-shape": null;
   "get-skin": null;
@@ -1276,6 +1684,7 @@ export interface Results {
   "mirror-cord": CordResult;
   "open-device": null;
   "outline-of": PlaneOutline;
+  "part-meshes": null;
   "pause-job": null;
   "probe-point": PointNumbers;
   propose: CordResult;
@@ -1295,9 +1704,12 @@ export interface Results {
   "start-build": null;
   "stop-body": null;
   "stop-next-cord": null;
+  "tick-stage": null;
   undo: null;
   upload: null;
   "uploaded-surface": null;
+  "use-best": null;
+  "use-layout": null;
 }
 /**
  * The cord that was added.
@@ -1367,6 +1779,17 @@ export interface DragResult {
   snappedTo: string;
   judgement: Judgement | null;
   problem: Problem | null;
+}
+/**
+ * The zip of the built device.
+ *
+ *     Attributes:
+ *         file: The zip.
+ *         count: Number of files in it.
+ */
+export interface ExportResult {
+  file: MadeFile;
+  count: number;
 }
 /**
  * The outline of the body in a plane.
