@@ -9,10 +9,10 @@ from typing import Any, Union
 
 import msgspec
 
-from ...workflow.view import Event, Reply, Request, Upload
-from . import sensors, shell
+from ...workflow.view import Event, Reply, Request, Upload, live_messages
+from . import measure, sensors, shell
 
-MODULES: tuple[ModuleType, ...] = (shell, sensors)
+MODULES: tuple[ModuleType, ...] = (shell, sensors, measure, live_messages)
 
 
 def messages(base: type) -> tuple[Any, ...]:
