@@ -23,6 +23,7 @@ from ..runtime.view.live_scene import look_at_body as look_at_body
 from ..runtime.view.live_scene import place_camera as place_camera
 from ..runtime.view.live_scene import tube_faces as tube_faces
 from ..runtime.view.live_scene import tube_vertices as tube_vertices
+from ..runtime.view.live_view import LiveView as LiveView
 from ..runtime.view.live_view import PagePlace as PagePlace
 from ..runtime.view.messages import Arrays as Arrays
 from ..runtime.view.messages import Event as Event

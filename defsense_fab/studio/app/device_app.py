@@ -10,6 +10,7 @@ from ..project.agreement import Agreement
 from ..project.project import Project
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
+from ..steps.measure.measure_step import MeasureStep
 from ..steps.sensors import SensorsStep
 from ..steps.shell import ShellStep
 
@@ -35,6 +36,7 @@ class DeviceApp:
         self.steps: tuple[Step, ...] = (
             shell,
             SensorsStep(self.session, shell.show_violations),
+            MeasureStep(self.session, shell.publish_pipeline),
         )
         self._handlers: dict[type[Request], Handler] = {}
         for step in self.steps:

@@ -94,11 +94,13 @@ class TaskStatus(Record, frozen=True, kw_only=True):
 
     Attributes:
         state: Whether it runs.
+        code: Stable identifier of what came of it, such as "recording-complete"; else empty.
         text: What it does, or what came of it.
         problem: Why it failed, or None.
     """
 
     state: TaskState = "idle"
+    code: str = ""
     text: str = ""
     problem: Problem | None = None
 

@@ -1083,11 +1083,13 @@ export interface MeasureStatus {
  *
  *     Attributes:
  *         state: Whether it runs.
+ *         code: Stable identifier of what came of it, such as "recording-complete"; else empty.
  *         text: What it does, or what came of it.
  *         problem: Why it failed, or None.
  */
 export interface TaskStatus {
   state: "idle" | "running" | "stopping";
+  code: string;
   text: string;
   problem: Problem | null;
   [k: string]: unknown;
