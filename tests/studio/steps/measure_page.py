@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import threading
+import json
 from types import SimpleNamespace
 
-import numpy as np
+import msgspec
 
 from defsense_fab.core.errors import DefsenseError
 from defsense_fab.studio.project.agreement import Agreement
@@ -13,36 +13,20 @@ from defsense_fab.studio.project.project import Project
 from defsense_fab.studio.session.device_session import DeviceSession
 from defsense_fab.studio.steps.measure.measure_step import MeasureStep
 from tests.runtime.live_frames import wait_for
+from tests.studio.steps.browsers import FakeBrowser, FakeServer
 
 TIMEOUT_S = 600.0
 
 
-class RecordingServer:
-    """A server without browsers; the last event of each kind is kept."""
+class WatchingBrowser(FakeBrowser):
+    """A browser that keeps the binary messages that are posted to it."""
 
-    def __init__(self):
-        self.events, self.arrays, self._lock = {}, {}, threading.Lock()
-
-    def publish(self, event):
-        with self._lock:
-            self.events[type(event)] = event
-
-    def publish_arrays(self, arrays):
-        with self._lock:
-            self.arrays[arrays.name] = arrays
-
-
-class Browser:
-    """A browser that keeps what it is sent."""
-
-    def __init__(self):
-        self.is_open, self.posted = True, []
+    def __init__(self, app):
+        super().__init__(app)
+        self.posted = []
 
     def post(self, key, content):
         self.posted.append((key, content))
-
-    def send(self, event):
-        self.posted.append((None, event))
 
 
 class InlineJobs:
@@ -71,7 +55,7 @@ class MeasurePage:
     """The step on the device of a folder."""
 
     def __init__(self, folder):
-        self.folder, self.server, self.browser = folder, RecordingServer(), Browser()
+        self.folder, self.server, self.browser = folder, FakeServer(), WatchingBrowser(self)
         self.session = DeviceSession(self.server, Project(folder), Agreement(trusted=True))
         self.session.jobs = self.jobs = InlineJobs()
         self.models_written = 0
@@ -82,8 +66,14 @@ class MeasurePage:
 
     def send(self, kind, **content):
         """Send a request, as the browser does."""
-        request = kind(id=1, **content)
-        return self.step.handlers[kind](self.browser, request)
+        request = json.loads(msgspec.json.encode(kind(id=0, **content)))
+        name = request.pop("kind")
+        del request["id"]
+        return self.browser.ask(name, **request)
+
+    def handle(self, client, request):
+        """Handle a request, as the application does."""
+        return self.step.handlers[type(request)](client, request)
 
     def refusal(self, kind, **content):
         """Send a request and return the code of its refusal."""
@@ -117,8 +107,3 @@ class MeasurePage:
     def close(self):
         self.step.close()
         self.session.close()
-
-
-def signals(arrays):
-    """Return a frame's signals as numbers."""
-    return np.asarray(arrays.arrays["signals"])
