@@ -5,7 +5,7 @@ type Rgb = readonly [number, number, number];
 const SHORTER: Rgb = [40, 90, 200];
 const LONGER: Rgb = [205, 35, 45];
 const UNKNOWN: Rgb = [90, 90, 90];
-const REST_LIGHT: Rgb = [244, 245, 247];
+const REST_LIGHT: Rgb = [236, 238, 241];
 const REST_DARK: Rgb = [225, 225, 225];
 const NARROW: Rgb = [40, 150, 80];
 const WIDE: Rgb = [215, 40, 60];
@@ -37,5 +37,5 @@ function mix(from: Rgb, to: Rgb, share: number): Rgb {
 }
 
 function css([red, green, blue]: Rgb): string {
-  return `rgb(${red} ${green} ${blue})`;
+  return `rgb(${red}, ${green}, ${blue})`; // with commas, which three.js needs
 }

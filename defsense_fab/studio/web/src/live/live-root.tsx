@@ -7,7 +7,7 @@ import { LiveView } from "./live-view";
 export const livePage = connection.event("live-page");
 
 export function LiveRoot() {
-  if (livePage.value?.screen === "live") return <LiveView status="Waiting for the device" />;
+  if (livePage.value?.screen === "live") return <LiveView />;
   const state = guidedState.value;
   return (
     <main class="guided-page">

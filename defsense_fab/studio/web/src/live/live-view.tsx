@@ -57,17 +57,25 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
         {onClose && <IconButton icon="arrowLeft" label="Back to Measure" onClick={onClose} />}
         <h1>{device?.name || "Live"}</h1>
         {isRunning && <QualityBadge facts={shownFrame.value?.facts ?? null} />}
-        <span class="live-status">{isRunning ? qualityText() : status}</span>
-        <LiveActions device={device} />
-        {onStop && (
-          <Button icon="stop" onClick={onStop}>
-            Stop
-          </Button>
-        )}
+        <span class="live-status">{isRunning ? qualityText() : ""}</span>
+        <div class="live-actions">
+          <LiveActions device={device} />
+          {onStop && (
+            <Button icon="stop" onClick={onStop}>
+              Stop
+            </Button>
+          )}
+        </div>
       </header>
       <div class="live-stage">
         <div ref={host} class="live-scene" />
-        {isRunning && <CordLegend />}
+        {isRunning ? (
+          <CordLegend />
+        ) : (
+          <p class="live-preparing" role="status">
+            <span class="spinner" aria-hidden="true" /> {status || "Waiting for the device"}
+          </p>
+        )}
       </div>
       <aside class="live-side" aria-label="Values">
         {isRunning && (
@@ -154,11 +162,12 @@ function Notes() {
 function CordLegend() {
   return (
     <div class="live-legend" aria-label="Colors">
-      <span>shorter</span>
+      <span>Shorter</span>
       <i class="cord-scale" />
       <span>longer</span>
+      <span class="marker-words">Sure</span>
       <i class="marker-scale" />
-      <span>marker: sure to unsure</span>
+      <span>unsure marker</span>
     </div>
   );
 }

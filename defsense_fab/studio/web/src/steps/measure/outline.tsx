@@ -24,6 +24,7 @@ export function Outline() {
 
 function CardButton({ name, number }: { name: CardName; number?: number }) {
   const { text, mark } = summary(name, status.value?.[name]);
+  const icon = MARKS[mark] ?? (number === undefined ? "ruler" : null);
   return (
     <button
       type="button"
@@ -32,7 +33,7 @@ function CardButton({ name, number }: { name: CardName; number?: number }) {
       onClick={() => (card.value = name)}
     >
       <span class="outline-number" aria-hidden="true">
-        {mark === "running" ? <span class="spinner" /> : MARKS[mark] ? <Icon name={MARKS[mark]!} size={14} /> : number}
+        {mark === "running" ? <span class="spinner" /> : icon ? <Icon name={icon} size={14} /> : number}
       </span>
       <span class="outline-label">{CARD_LABELS[name]}</span>
       <span class="outline-text">{text}</span>
@@ -51,7 +52,8 @@ function summary(name: CardName, task: TaskStatus | undefined): { text: string; 
     case "check": {
       if (!check) return { text: "Not checked yet", mark: "open" };
       const faults = check.findings.filter(({ code }) => code !== "ok").length;
-      return faults ? { text: `${faults} faults`, mark: "faulty" } : { text: "All channels are in order", mark: "done" };
+      const text = faults === 1 ? "1 channel needs attention" : `${faults} channels need attention`;
+      return faults ? { text, mark: "faulty" } : { text: "All channels are in order", mark: "done" };
     }
     case "record": {
       const count = usableSessions.value.length;

@@ -168,7 +168,7 @@ function TrainingTable({ result }: { result: TrainingResult }) {
       <Notes notes={result.notes} />
       <div class="card-actions">
         <Button icon="arrowRight" onClick={() => (card.value = "live")}>
-          Run it live
+          Open Live
         </Button>
       </div>
     </section>
