@@ -9,10 +9,11 @@ from typing import Any, Union
 
 import msgspec
 
+<<<<<<< HEAD
 from ...workflow.view import Event, Reply, Request, Upload
-from . import body, inside, make, optimize, sensors, shell, start
+from . import body, inside, make, measure, optimize, sensors, shell, start
 
-MODULES: tuple[ModuleType, ...] = (shell, start, body, inside, sensors, optimize, make)
+MODULES: tuple[ModuleType, ...] = (shell, start, body, inside, sensors, optimize, make, measure)
 
 
 def messages(base: type) -> tuple[Any, ...]:

@@ -3,6 +3,7 @@ import { STEPS } from "../state/step";
 import "./body";
 import "./inside";
 import "./make";
+import "./measure";
 import "./optimize";
 import { registerStep, stepPanels } from "./registry";
 import "./sensors";
