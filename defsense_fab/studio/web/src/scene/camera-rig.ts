@@ -6,6 +6,7 @@ import {
   OrthographicCamera,
   PerspectiveCamera,
   Quaternion,
+  Spherical,
   Vector3,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
@@ -16,7 +17,10 @@ const FIELD_OF_VIEW_DEG = 28;
 const SMALLEST_FIELD_DEG = 1;
 const CHANGE_MS = 320;
 const FIT_MARGIN = 1.16;
+const FIT_STEPS = 4;
 const UP = new Vector3(0, 0, 1);
+const TO_Y_UP = new Quaternion().setFromUnitVectors(UP, new Vector3(0, 1, 0));
+const FROM_Y_UP = TO_Y_UP.clone().invert();
 const IS_MOTION_REDUCED = matchMedia("(prefers-reduced-motion: reduce)");
 
 const DIRECTIONS: Record<ViewName, [number, number, number]> = {
@@ -120,6 +124,32 @@ export class CameraRig {
   /** Turn around the middle of the view, until it is seen from a direction. */
   turnTo(direction: Vector3): void {
     this.go({ ...this.goal(), turn: facing(upright(direction), UP), up: UP.clone() }, true);
+  }
+
+  /** Turn the camera around the middle, to the right and upward, degrees. */
+  turnBy(right: number, up: number): void {
+    if (this.isFacing) return;
+    const view = this.goal();
+    const from = new Spherical().setFromVector3(
+      new Vector3(0, 0, 1).applyQuaternion(view.turn).applyQuaternion(TO_Y_UP),
+    );
+    from.theta += (right * Math.PI) / 180;
+    from.phi = Math.min(Math.PI - 1e-5, Math.max(1e-5, from.phi - (up * Math.PI) / 180));
+    const direction = new Vector3().setFromSpherical(from).applyQuaternion(FROM_Y_UP);
+    this.go({ ...view, turn: facing(direction, UP) }, true);
+  }
+
+  /** Move the view by shares of its height, percent. */
+  panBy(right: number, up: number): void {
+    const view = this.goal();
+    const shift = new Vector3(right, up, 0).multiplyScalar(view.height / 100);
+    this.go({ ...view, target: view.target.clone().add(shift.applyQuaternion(view.turn)) }, true);
+  }
+
+  /** Multiply the visible height by a factor. */
+  zoomBy(factor: number): void {
+    const view = this.goal();
+    this.go({ ...view, height: view.height * factor }, true);
   }
 
   setProjection(projection: Projection): void {
@@ -235,20 +265,33 @@ export class CameraRig {
     this.onChange();
   }
 
+  /** Return the view from a direction that shows all corners of the bounds in the middle. */
   private fitted(turn: Quaternion, up: Vector3, fieldDeg: number): View {
     const inverse = turn.clone().invert();
+    const isFlat = fieldDeg < SMALLEST_FIELD_DEG;
     const slope = tangent(Math.max(fieldDeg, SMALLEST_FIELD_DEG)) / FIT_MARGIN;
     const aspect = this.width / this.height;
-    let distance = 0;
+    const points = this.corners.map((corner) =>
+      corner.clone().sub(this.bounds.center).applyQuaternion(inverse),
+    );
+    const middle = new Vector3();
+    let distance = this.bounds.radius * 4;
     let height = 1;
-    for (const corner of this.corners) {
-      const p = corner.clone().sub(this.bounds.center).applyQuaternion(inverse);
-      const half = Math.max(Math.abs(p.y), Math.abs(p.x) / aspect);
-      distance = Math.max(distance, half / slope + p.z);
-      height = Math.max(height, 2 * half * FIT_MARGIN);
+    for (let step = 0; step < FIT_STEPS; step++) {
+      // Nearer points appear farther from the middle.
+      const scales = points.map(({ z }) => (isFlat ? 1 : distance / (distance - z)));
+      const xs = points.map(({ x }, i) => (x - middle.x) * scales[i]!);
+      const ys = points.map(({ y }, i) => (y - middle.y) * scales[i]!);
+      middle.x += (Math.min(...xs) + Math.max(...xs)) / 2;
+      middle.y += (Math.min(...ys) + Math.max(...ys)) / 2;
+      const halves = points.map(({ x, y }) =>
+        Math.max(Math.abs(y - middle.y), Math.abs(x - middle.x) / aspect),
+      );
+      distance = Math.max(...points.map(({ z }, i) => halves[i]! / slope + z));
+      height = isFlat ? 2 * FIT_MARGIN * Math.max(...halves) : 2 * distance * tangent(fieldDeg);
     }
-    if (fieldDeg >= SMALLEST_FIELD_DEG) height = 2 * distance * tangent(fieldDeg);
-    return { target: this.bounds.center.clone(), turn, up: up.clone(), height, fieldDeg };
+    const target = middle.applyQuaternion(turn).add(this.bounds.center);
+    return { target, turn, up: up.clone(), height, fieldDeg };
   }
 }
 
@@ -259,7 +302,7 @@ function tangent(fieldDeg: number): number {
 /** Return a direction from which the x axis is to the right also if it is vertical. */
 function upright(direction: Vector3): Vector3 {
   const { x, y, z } = direction;
-  return Math.hypot(x, y) < 1e-4 * Math.abs(z) ? new Vector3(0, -1e-5, Math.sign(z)) : direction;
+  return Math.hypot(x, y) < 1e-3 * Math.abs(z) ? new Vector3(0, -1e-5, Math.sign(z)) : direction;
 }
 
 function facing(from: Vector3, up: Vector3): Quaternion {
