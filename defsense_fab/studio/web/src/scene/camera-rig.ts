@@ -16,7 +16,9 @@ const FIELD_OF_VIEW_DEG = 28;
 /** Field of view at which a perspective view is replaced by an orthographic one. */
 const SMALLEST_FIELD_DEG = 1;
 const CHANGE_MS = 320;
-const FIT_MARGIN = 1.16;
+const FIT_MARGIN = 1.1;
+/** Height at the upper edge that tools cover; the same is left free below. */
+const TOOLBAR_PX = 52;
 const FIT_STEPS = 4;
 const UP = new Vector3(0, 0, 1);
 const TO_Y_UP = new Quaternion().setFromUnitVectors(UP, new Vector3(0, 1, 0));
@@ -271,6 +273,7 @@ export class CameraRig {
     const isFlat = fieldDeg < SMALLEST_FIELD_DEG;
     const slope = tangent(Math.max(fieldDeg, SMALLEST_FIELD_DEG)) / FIT_MARGIN;
     const aspect = this.width / this.height;
+    const crop = this.height / Math.max(this.height - 2 * TOOLBAR_PX, this.height / 2);
     const points = this.corners.map((corner) =>
       corner.clone().sub(this.bounds.center).applyQuaternion(inverse),
     );
@@ -285,7 +288,7 @@ export class CameraRig {
       middle.x += (Math.min(...xs) + Math.max(...xs)) / 2;
       middle.y += (Math.min(...ys) + Math.max(...ys)) / 2;
       const halves = points.map(({ x, y }) =>
-        Math.max(Math.abs(y - middle.y), Math.abs(x - middle.x) / aspect),
+        Math.max(Math.abs(y - middle.y) * crop, Math.abs(x - middle.x) / aspect),
       );
       distance = Math.max(...points.map(({ z }, i) => halves[i]! / slope + z));
       height = isFlat ? 2 * FIT_MARGIN * Math.max(...halves) : 2 * distance * tangent(fieldDeg);
