@@ -159,6 +159,18 @@ export class Viewer {
     this.scale.setHidden(isPlain);
   }
 
+  /** Show or hide the shadow; it is that of the body as the layer shows it. */
+  setShadowVisible(isVisible: boolean): void {
+    this.shadow.object.visible = isVisible;
+    this.invalidate();
+  }
+
+  /** Show the shadow of the body, or hide it where other things take its place. */
+  setShadow(isShown: boolean): void {
+    this.shadow.object.visible = isShown;
+    this.refresh();
+  }
+
   dispose(): void {
     cancelAnimationFrame(this.frame);
     clearTimeout(this.stillTimer);
