@@ -9,10 +9,11 @@ from typing import Any, Union
 
 import msgspec
 
+<<<<<<< HEAD
 from ...workflow.view import Event, Reply, Request, Upload
-from . import inside, sensors, shell
+from . import body, inside, make, measure, optimize, sensors, shell, start
 
-MODULES: tuple[ModuleType, ...] = (shell, sensors, inside)
+MODULES: tuple[ModuleType, ...] = (shell, start, body, inside, sensors, optimize, make, measure)
 
 
 def messages(base: type) -> tuple[Any, ...]:

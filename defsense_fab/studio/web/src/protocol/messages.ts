@@ -12,46 +12,82 @@ export interface Protocol {
     | AddStroke
     | Answer
     | CancelJob
+    | ChooseRow
+    | CloseDevice
     | CompareCords
+    | CompareLayouts
+    | CreateFromBody
+    | CreateFromGallery
     | DeleteCords
     | DeletePoint
+    | DescribeUpload
     | DragPlane
     | DragPoint
     | DragTangent
     | DuplicateCord
+    | ErrorMapOf
+    | ExportDevice
+    | ForgetDevice
     | GetShape
     | GetSkin
     | InsertPoint
+    | KeepPicture
+    | MakeBody
     | MirrorCord
+    | OpenDevice
     | OutlineOf
+    | PartMeshes
     | PauseJob
     | ProbePoint
     | Propose
     | Redo
     | RenameCord
     | RenameDevice
+    | ResetField
+    | ResetParameter
     | Restore
     | ResumeJob
     | SearchNextCord
+    | SetField
     | SetFreedoms
+    | SetParameter
     | ShowSection
     | SmoothCord
     | StartBuild
+    | StopBody
     | StopNextCord
+    | TickStage
     | Undo
-    | Upload;
+    | Upload
+    | UploadedSurface
+    | UseBest
+    | UseLayout;
   event:
+    | AssemblyProgress
+    | BodyParameters
+    | BodyStatus
+    | Catalogues
+    | DeviceFields
     | DeviceState
+    | ErrorStates
+    | Gallery
+    | Guide
     | InsideState
     | Job
+    | Layouts
+    | MakeState
     | NextCordState
     | Notice
+    | OptimizeState
     | Page
+    | Parts
     | Pipeline
     | Prediction
     | ProposalProgress
     | Question
-    | Reply;
+    | RecentDevices
+    | Reply
+    | Search;
   results: Results;
 }
 /**
@@ -105,6 +141,22 @@ export interface CancelJob {
   id: number;
 }
 /**
+ * Choose a row of a catalogue; values that replaced those of the previous row are removed.
+ */
+export interface ChooseRow {
+  kind: "choose-row";
+  id: number;
+  catalogue: "cord" | "material" | "printer" | "trace";
+  name: string;
+}
+/**
+ * Close the device, and show the start page in all browsers.
+ */
+export interface CloseDevice {
+  kind: "close-device";
+  id: number;
+}
+/**
  * Compare two cords of the device.
  */
 export interface CompareCords {
@@ -112,6 +164,45 @@ export interface CompareCords {
   id: number;
   first: string;
   second: string;
+}
+/**
+ * Compute the missing numbers of the layouts in the background.
+ */
+export interface CompareLayouts {
+  kind: "compare-layouts";
+  id: number;
+}
+/**
+ * Create a device from the uploaded body, and open it.
+ *
+ *     Attributes:
+ *         name: Name of the device.
+ *         unit: Unit of the file; None if it has one, or if the size is given.
+ *         size: Longest side in mm; None if the unit is given.
+ *         material: Name of the material.
+ *         edge_length: Edge length of the mesh, mm.
+ */
+export interface CreateFromBody {
+  kind: "create-from-body";
+  id: number;
+  name: string;
+  unit: string | null;
+  size: number | null;
+  material: string;
+  edgeLength: number;
+}
+/**
+ * Create a device from one of the gallery, and open it.
+ *
+ *     Attributes:
+ *         start: Name of the device of the gallery.
+ *         name: Name of the new device; empty for the default.
+ */
+export interface CreateFromGallery {
+  kind: "create-from-gallery";
+  id: number;
+  start: string;
+  name: string;
 }
 /**
  * Delete cords.
@@ -129,6 +220,19 @@ export interface DeletePoint {
   id: number;
   cord: string;
   index: number;
+}
+/**
+ * Interpret the uploaded body in a unit, or scale it to a size.
+ *
+ *     Attributes:
+ *         unit: Unit of the file; None for the most likely one.
+ *         size: Longest side in mm, which takes the place of the unit.
+ */
+export interface DescribeUpload {
+  kind: "describe-upload";
+  id: number;
+  unit: string | null;
+  size: number | null;
 }
 /**
  * Move the plane of a cord.
@@ -184,6 +288,36 @@ export interface DuplicateCord {
   cord: string;
 }
 /**
+ * Compute the error on the surface in a state.
+ *
+ *     It is answered with the arrays `rest` (v, 3) mm, `moved` (v, 3) mm, `faces` (f, 3), `edges`
+ *     (e, 2) and `error` (v,) mm, and with the facts `mean`, `largest` and `high`, the end of the
+ *     scale of all states, in mm.
+ *
+ *     Attributes:
+ *         state: Name of the state.
+ */
+export interface ErrorMapOf {
+  kind: "error-map-of";
+  id: number;
+  state: string;
+}
+/**
+ * Write the parts, the guide, the report and the design into a zip in the device's folder.
+ */
+export interface ExportDevice {
+  kind: "export-device";
+  id: number;
+}
+/**
+ * Remove a device from the list; its folder is kept.
+ */
+export interface ForgetDevice {
+  kind: "forget-device";
+  id: number;
+  folder: string;
+}
+/**
  * Get the surface and the cords in a state.
  *
  *     The answer has the arrays `vertices` (v, 3) mm and `cords` (n, 3) mm, the points of all cords
@@ -218,6 +352,24 @@ export interface InsertPoint {
   at: number[];
 }
 /**
+ * Keep a picture of the open device for the list.
+ *
+ *     Attributes:
+ *         picture: A PNG, JPEG or WebP image as a data URL.
+ */
+export interface KeepPicture {
+  kind: "keep-picture";
+  id: number;
+  picture: string;
+}
+/**
+ * Make the body in the background, after asking whether its script may run.
+ */
+export interface MakeBody {
+  kind: "make-body";
+  id: number;
+}
+/**
  * Add a copy of a cord that is mirrored at the middle of the body, across an axis.
  */
 export interface MirrorCord {
@@ -227,6 +379,14 @@ export interface MirrorCord {
   axis: "x" | "y" | "z";
 }
 /**
+ * Open a device of the list, or that of the command line, in all browsers.
+ */
+export interface OpenDevice {
+  kind: "open-device";
+  id: number;
+  folder: string;
+}
+/**
  * Cut the body's surface with a plane.
  */
 export interface OutlineOf {
@@ -234,6 +394,16 @@ export interface OutlineOf {
   id: number;
   origin: number[];
   axes: number[][];
+}
+/**
+ * Get the surfaces of the parts.
+ *
+ *     It is answered with the arrays `<k>/vertices` (v, 3) mm, `<k>/faces` (f, 3) and `<k>/edges`
+ *     (e, 2) of each part k, and with the facts `id` and `names`.
+ */
+export interface PartMeshes {
+  kind: "part-meshes";
+  id: number;
 }
 /**
  * Pause the job.
@@ -291,6 +461,22 @@ export interface RenameDevice {
   name: string;
 }
 /**
+ * Remove a key from `device.toml`, so that its default holds.
+ */
+export interface ResetField {
+  kind: "reset-field";
+  id: number;
+  key: string;
+}
+/**
+ * Remove a parameter from `device.toml`, so that the script's default holds.
+ */
+export interface ResetParameter {
+  kind: "reset-parameter";
+  id: number;
+  name: string;
+}
+/**
  * Replace a device file that cannot be read by the last valid one.
  */
 export interface Restore {
@@ -324,6 +510,15 @@ export interface SearchNextCord {
   length: number | null;
 }
 /**
+ * Set a key of `device.toml`.
+ */
+export interface SetField {
+  kind: "set-field";
+  id: number;
+  key: string;
+  value: number | boolean | string;
+}
+/**
  * Set what the optimizer may change of a cord; nothing locks it.
  */
 export interface SetFreedoms {
@@ -331,6 +526,15 @@ export interface SetFreedoms {
   id: number;
   cord: string;
   free: ("ends" | "offset" | "path" | "plane")[];
+}
+/**
+ * Set a parameter of the body's script; the body follows.
+ */
+export interface SetParameter {
+  kind: "set-parameter";
+  id: number;
+  name: string;
+  value: number | boolean | string;
 }
 /**
  * Cut the body with a plane.
@@ -379,6 +583,13 @@ export interface StartBuild {
   stage: "mesh" | "optimize" | "report" | "simulate";
 }
 /**
+ * Stop making the body, and keep the previous one.
+ */
+export interface StopBody {
+  kind: "stop-body";
+  id: number;
+}
+/**
  * Cancel the search, and forget its map.
  *
  *     Attributes:
@@ -388,6 +599,15 @@ export interface StopNextCord {
   kind: "stop-next-cord";
   id: number;
   keepsMap: boolean;
+}
+/**
+ * Mark a step of the assembly as done, or as not done.
+ */
+export interface TickStage {
+  kind: "tick-stage";
+  id: number;
+  stage: string;
+  isDone: boolean;
 }
 /**
  * Undo the last edit.
@@ -410,6 +630,244 @@ export interface Upload {
   id: number;
   name: string;
   size: number;
+}
+/**
+ * Send the surface of the uploaded body as arrays; `UploadedBody.scale` turns it into mm.
+ */
+export interface UploadedSurface {
+  kind: "uploaded-surface";
+  id: number;
+}
+/**
+ * End the search if it runs, and replace the drawn cords by its best ones.
+ */
+export interface UseBest {
+  kind: "use-best";
+  id: number;
+}
+/**
+ * Replace the drawn cords by those of a layout.
+ */
+export interface UseLayout {
+  kind: "use-layout";
+  id: number;
+  name: string;
+}
+/**
+ * The steps of the assembly that are done, by their identifiers.
+ */
+export interface AssemblyProgress {
+  kind: "assembly-progress";
+  done: string[];
+}
+/**
+ * Where the body comes from, and the parameters of its script.
+ *
+ *     Attributes:
+ *         file: Name of the file.
+ *         source: Kind of the file.
+ *         parameters: The parameters that have fields.
+ *         other: Names of parameters that only an editor can set in `device.toml`.
+ *         unknown: Names that `device.toml` sets and the script does not accept.
+ *         problem: Why the script cannot be read, or None.
+ */
+export interface BodyParameters {
+  kind: "body-parameters";
+  file: string;
+  source: "mesh" | "script" | "step";
+  parameters: Parameter[];
+  other: string[];
+  unknown: string[];
+  problem: Problem | null;
+}
+/**
+ * A parameter of the body's script.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         kind: What kind of value it takes.
+ *         unit: Unit of a number.
+ *         value: Its value now; None if it has none.
+ *         default: Its value without an entry in `device.toml`; None if it has none.
+ *         low: Lower end of a number's slider, or None.
+ *         high: Upper end of a number's slider, or None.
+ *         step: Step of a number's slider.
+ *         min: Smallest number that the script accepts, or None.
+ *         max: Largest number that the script accepts, or None.
+ *         choices: Values of a choice.
+ *         is_set: Whether `device.toml` has an entry.
+ */
+export interface Parameter {
+  name: string;
+  kind: "choice" | "number" | "switch" | "text" | "whole";
+  unit: string;
+  value: number | boolean | string | null;
+  default: number | boolean | string | null;
+  low: number | null;
+  high: number | null;
+  step: number;
+  min: number | null;
+  max: number | null;
+  choices: string[];
+  isSet: boolean;
+}
+/**
+ * An error, as a page shows it.
+ *
+ *     Attributes:
+ *         code: Stable identifier of the error.
+ *         text: The whole text: where, what is wrong, and what to do.
+ *         message: What is wrong and what to do, without the place.
+ *         field: Dotted name of the key of `device.toml` that is wrong; empty if none is.
+ *         cord: Name of the cord that is concerned; empty if none is.
+ */
+export interface Problem {
+  code: string;
+  text: string;
+  message: string;
+  field: string;
+  cord: string;
+}
+/**
+ * The newest body.
+ *
+ *     Attributes:
+ *         state: "idle" if it is up to date, "making", "waiting" for another job, "stopped" by the
+ *             user, "not-agreed" if the script may not run yet, or "failed".
+ *         text: The state in one sentence; empty if there is nothing to report.
+ *         problem: Why the body could not be made, or None.
+ *         size: Extents (3,) of the newest body, mm; None if none has been made.
+ *         volume: Its volume, mm³.
+ *         is_preview: Whether the body differs from that of the last build, and is sent as the arrays
+ *             "body-preview".
+ */
+export interface BodyStatus {
+  kind: "body-status";
+  state: "failed" | "idle" | "making" | "not-agreed" | "stopped" | "waiting";
+  text: string;
+  problem: Problem | null;
+  size: number[] | null;
+  volume: number;
+  isPreview: boolean;
+}
+/**
+ * All catalogues.
+ */
+export interface Catalogues {
+  kind: "catalogues";
+  catalogues: Catalogue[];
+}
+/**
+ * Materials, cords, filaments of traces, or printers.
+ *
+ *     Attributes:
+ *         name: What it lists.
+ *         columns: Its columns.
+ *         rows: Its rows.
+ */
+export interface Catalogue {
+  name: "cord" | "material" | "printer" | "trace";
+  columns: CatalogueColumn[];
+  rows: CatalogueRow[];
+}
+/**
+ * A column of a catalogue.
+ *
+ *     Attributes:
+ *         label: Its heading.
+ *         unit: Unit of its numbers.
+ */
+export interface CatalogueColumn {
+  label: string;
+  unit: string;
+}
+/**
+ * A row of a catalogue.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         values: Numbers and words by column; None where it has none.
+ *         note: What kind of values these are, such as "measured"; empty for none.
+ *         source: Where the numbers come from.
+ */
+export interface CatalogueRow {
+  name: string;
+  values: (number | string | null)[];
+  note: string;
+  source: string;
+}
+/**
+ * The choices of catalogues, and the fields of the device.
+ */
+export interface DeviceFields {
+  kind: "device-fields";
+  choices: CatalogueChoice[];
+  groups: FieldGroup[];
+}
+/**
+ * A row of a catalogue that the device uses.
+ *
+ *     Attributes:
+ *         catalogue: The catalogue.
+ *         name: Name of the row.
+ *         values: Values of the device by column, which may differ from those of the row.
+ *         is_custom: Whether the catalogue has no such row.
+ *         changed: Labels of the columns whose numbers `device.toml` replaces.
+ */
+export interface CatalogueChoice {
+  catalogue: "cord" | "material" | "printer" | "trace";
+  name: string;
+  values: (number | string | null)[];
+  isCustom: boolean;
+  changed: string[];
+}
+/**
+ * Fields under one heading.
+ *
+ *     Attributes:
+ *         title: The heading.
+ *         fields: Fields that many devices change.
+ *         more: Fields that few devices change.
+ */
+export interface FieldGroup {
+  title: string;
+  fields: DeviceField[];
+  more: DeviceField[];
+}
+/**
+ * A key of `device.toml`, as it is declared, with its value.
+ *
+ *     Attributes:
+ *         key: Its dotted name.
+ *         label: Its label.
+ *         kind: What kind of value it takes.
+ *         unit: Unit of its numbers.
+ *         description: What it means.
+ *         value: Its value in `device.toml`; None without the key.
+ *         default: Value that holds without the key; None if it depends on other values.
+ *         default_text: That value in words; empty if there is none.
+ *         low: Smallest number, or None.
+ *         high: Largest number, or None.
+ *         is_low_open: Whether `low` itself is not accepted.
+ *         is_high_open: Whether `high` itself is not accepted.
+ *         choices: Texts that are accepted.
+ *         can_reset: Whether the key can be removed.
+ */
+export interface DeviceField {
+  key: string;
+  label: string;
+  kind: "choice" | "number" | "switch" | "text" | "whole";
+  unit: string;
+  description: string;
+  value: number | boolean | string | null;
+  default: number | boolean | string | null;
+  defaultText: string;
+  low: number | null;
+  high: number | null;
+  isLowOpen: boolean;
+  isHighOpen: boolean;
+  choices: string[];
+  canReset: boolean;
 }
 /**
  * The device as it is now.
@@ -461,6 +919,205 @@ export interface CordState {
   isSmooth: boolean;
   path: number[][];
   free: string[];
+}
+/**
+ * The states of the last build whose error can be shown on the surface.
+ */
+export interface ErrorStates {
+  kind: "error-states";
+  states: MappedState[];
+}
+/**
+ * A state whose error is shown on the surface.
+ *
+ *     Attributes:
+ *         name: Name of the state.
+ *         expected: Error at the markers with noise, mm.
+ *         is_held_out: Whether the layout was optimized without it.
+ */
+export interface MappedState {
+  name: string;
+  expected: number;
+  isHeldOut: boolean;
+}
+/**
+ * What a new device can be made from.
+ *
+ *     Attributes:
+ *         devices: The devices to start from.
+ *         formats: Formats of mesh files, in words.
+ *         max_upload_mb: Largest size of an uploaded file, MB.
+ *         units: Units of the lengths in a mesh file.
+ *         materials: Materials of the catalogue.
+ *         default_material: Material that is selected at first.
+ */
+export interface Gallery {
+  kind: "gallery";
+  devices: GalleryDevice[];
+  formats: string;
+  maxUploadMb: number;
+  units: string[];
+  materials: MaterialChoice[];
+  defaultMaterial: string;
+}
+/**
+ * A device to start from.
+ *
+ *     Attributes:
+ *         name: Name by which it is requested.
+ *         title: Its title.
+ *         about: What it senses, in one or two sentences.
+ *         poses: Names of its poses.
+ *         cords: Number of its cords.
+ *         picture: Its picture as a data URL.
+ */
+export interface GalleryDevice {
+  name: string;
+  title: string;
+  about: string;
+  poses: string[];
+  cords: number;
+  picture: string;
+}
+/**
+ * A material of the catalogue.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         young_modulus: Young's modulus at small strain, MPa.
+ */
+export interface MaterialChoice {
+  name: string;
+  youngModulus: number;
+}
+/**
+ * How the parts of the last build are assembled.
+ *
+ *     Attributes:
+ *         id: Identifier of the build's parts; empty without parts.
+ *         cord_radius: Radius of the cords, mm.
+ *         wire_radius: Radius of the wires, mm.
+ *         cords: The cords as built in.
+ *         stages: The steps, in order.
+ *         lists: What to print, to cut and to buy.
+ *         checks: Measurements of the parts with their limits.
+ *         notes: Warnings.
+ *         files: Files of the build.
+ */
+export interface Guide {
+  kind: "guide";
+  id: string;
+  cordRadius: number;
+  wireRadius: number;
+  cords: BuiltCordState[];
+  stages: GuideStage[];
+  lists: GuideList[];
+  checks: GuideList | null;
+  notes: GuideNote[];
+  files: MadeFile[];
+}
+/**
+ * A cord as it is built in.
+ *
+ *     Attributes:
+ *         name: Name of the cord.
+ *         color: Its color, "#rrggbb".
+ *         path: Points (p, 3), mm.
+ */
+export interface BuiltCordState {
+  name: string;
+  color: string;
+  path: number[][];
+}
+/**
+ * A step of the assembly.
+ *
+ *     Attributes:
+ *         id: Identifier of its content; the steps that are done are kept by it.
+ *         title: Its title.
+ *         passages: Instructions, in passages.
+ *         view: What the picture shows.
+ *         cords: Names of the cords in the picture.
+ *         joint: The joint that it closes, or None.
+ */
+export interface GuideStage {
+  id: string;
+  title: string;
+  passages: string[][];
+  view: "assembled" | "cords" | "exploded" | "joint" | "plates";
+  cords: string[];
+  joint: GuideJoint | null;
+}
+/**
+ * The joint that a step closes.
+ *
+ *     Attributes:
+ *         lower: Names of the parts on the table.
+ *         upper: Names of the parts that are lifted.
+ *         lift: Displacement (3,) of the lifted parts in the open joint, mm.
+ *         wires: Lines (p, 3) of the wires, mm.
+ *         pins: The pins.
+ */
+export interface GuideJoint {
+  lower: string[];
+  upper: string[];
+  lift: number[];
+  wires: number[][][];
+  pins: GuidePin[];
+}
+/**
+ * A pin of a joint.
+ *
+ *     Attributes:
+ *         letter: Letter by which the text names it.
+ *         start: One end (3,), mm.
+ *         end: The other end (3,), mm.
+ *         radius: Radius, mm.
+ */
+export interface GuidePin {
+  letter: string;
+  start: number[];
+  end: number[];
+  radius: number;
+}
+/**
+ * A table of texts.
+ *
+ *     Attributes:
+ *         title: Its title.
+ *         header: Headings of the columns.
+ *         rows: Rows with as many texts.
+ */
+export interface GuideList {
+  title: string;
+  header: string[];
+  rows: string[][];
+}
+/**
+ * A warning.
+ *
+ *     Attributes:
+ *         text: The warning.
+ *         point: Where it applies (3,), mm; None for the whole device.
+ */
+export interface GuideNote {
+  text: string;
+  point: number[] | null;
+}
+/**
+ * A file of the build that can be saved.
+ *
+ *     Attributes:
+ *         title: What it is.
+ *         name: Its name.
+ *         path: Its address on this server.
+ *         size: Its size in bytes.
+ */
+export interface MadeFile {
+  title: string;
+  name: string;
+  path: string;
+  size: number;
 }
 /**
  * What sections of the body can show.
@@ -552,6 +1209,7 @@ export interface ColorMap {
  *         share: Completed share, 0 to 1.
  *         message: What it does now, in words.
  *         can_pause: Whether it can be paused.
+ *         gives_way: Whether it is canceled when another job is started.
  *         problem: Why it failed, or None.
  */
 export interface Job {
@@ -562,24 +1220,89 @@ export interface Job {
   share: number;
   message: string;
   canPause: boolean;
+  givesWay: boolean;
   problem: Problem | null;
 }
 /**
- * An error, as a page shows it.
+ * The layouts side by side, the drawn one first, the others by increasing error.
  *
  *     Attributes:
- *         code: Stable identifier of the error.
- *         text: The whole text: where, what is wrong, and what to do.
- *         message: What is wrong and what to do, without the place.
- *         field: Dotted name of the key of `device.toml` that is wrong; empty if none is.
- *         cord: Name of the cord that is concerned; empty if none is.
+ *         rows: The layouts.
+ *         compare_seconds: Estimated time to compute the missing numbers, s; 0 if none is missing.
+ *         obstacle: Why the missing numbers cannot be computed; empty if they can.
  */
-export interface Problem {
-  code: string;
+export interface Layouts {
+  kind: "layouts";
+  rows: LayoutRow[];
+  compareSeconds: number;
+  obstacle: string;
+}
+/**
+ * A layout next to others. Numbers that are not computed are None.
+ *
+ *     Attributes:
+ *         name: Unique name of the layout.
+ *         role: Which layout it is.
+ *         is_drawn: Whether the drawn cords are those of the layout.
+ *         error: Error in unseen states, mm.
+ *         trained: Error expected after training, with the memory of the cords, mm.
+ *         trained_low: Lower limit of the range of 90 % of built devices, mm.
+ *         trained_high: Upper limit of this range, mm.
+ *         parts: Number of parts.
+ *         print_hours: Estimated time to print them, h.
+ *         length: Length of all cords with their inlets, mm.
+ *         planes: Number of planes that the body is cut along.
+ *         cords: The cords.
+ *         notes: Warnings about its parts.
+ *         problem: Why it cannot be made; empty if it can.
+ */
+export interface LayoutRow {
+  name: string;
+  role: "built" | "by-eye" | "candidate" | "drawn" | "studied";
+  isDrawn: boolean;
+  error: number | null;
+  trained: number | null;
+  trainedLow: number | null;
+  trainedHigh: number | null;
+  parts: number | null;
+  printHours: number | null;
+  length: number | null;
+  planes: number;
+  cords: GhostCord[];
+  notes: string[];
+  problem: string;
+}
+/**
+ * A cord that is shown and does not belong to the device.
+ *
+ *     Attributes:
+ *         name: Name of the cord.
+ *         path: Points (p, 3) along its path, mm.
+ */
+export interface GhostCord {
+  name: string;
+  path: number[][];
+}
+/**
+ * Which version of the device the parts belong to.
+ *
+ *     Attributes:
+ *         code: Whether parts are built, belong to an earlier device, were built with other options,
+ *             or are up to date.
+ *         text: The same in a sentence.
+ *         detail: What has changed, or what to do, in a second sentence; may be empty.
+ *         build_obstacle: Why the parts cannot be built; empty if they can.
+ *         export_obstacle: Why there is nothing to export; empty if there is.
+ *         problem: Why the last build failed, or None.
+ */
+export interface MakeState {
+  kind: "make-state";
+  code: "not-built" | "other-options" | "outdated" | "up-to-date";
   text: string;
-  message: string;
-  field: string;
-  cord: string;
+  detail: string;
+  buildObstacle: string;
+  exportObstacle: string;
+  problem: Problem | null;
 }
 /**
  * What the search of this browser does, or has found.
@@ -620,6 +1343,26 @@ export interface Notice {
   problem: Problem | null;
 }
 /**
+ * What is true of the drawn and of the optimized cords.
+ *
+ *     Attributes:
+ *         standing: What the sentence says: nothing can be searched yet, no search has run, one runs,
+ *             the drawn cords are the optimized ones, they differ from them, or the body, the poses
+ *             or the material have changed since.
+ *         text: The sentence.
+ *         obstacle: Why no search can start, or why it would find the same; empty if one can.
+ *         drawn: Expected error of the drawn cords, mm; None if it cannot be predicted.
+ *         built: Expected error of the optimized cords, mm; None before a search.
+ */
+export interface OptimizeState {
+  kind: "optimize-state";
+  standing: "drawn-differ" | "never-searched" | "not-ready" | "optimized" | "outdated" | "searching";
+  text: string;
+  obstacle: string;
+  drawn: number | null;
+  built: number | null;
+}
+/**
  * Which page is shown.
  *
  *     Attributes:
@@ -634,6 +1377,37 @@ export interface Page {
   folder: string;
   problem: Problem | null;
   version: string;
+}
+/**
+ * The parts of the last build.
+ *
+ *     Attributes:
+ *         id: Identifier of the build's parts; empty without parts.
+ *         parts: The parts.
+ */
+export interface Parts {
+  kind: "parts";
+  id: string;
+  parts: PartState[];
+}
+/**
+ * A part of the device.
+ *
+ *     Attributes:
+ *         name: Its name, which starts with its number.
+ *         color: Its color in the guide, "#rrggbb".
+ *         volume: Volume, mm^3.
+ *         size: Extent along the axes of the device (3,), mm.
+ *         plate: File of the plate that it is printed on; empty if it is cast.
+ *         shift: Displacement (3,) mm in the exploded view.
+ */
+export interface PartState {
+  name: string;
+  color: string;
+  volume: number;
+  size: number[];
+  plate: string;
+  shift: number[];
 }
 /**
  * The steps of the work, and what to do next.
@@ -794,6 +1568,39 @@ export interface ScriptFile {
   size: number;
 }
 /**
+ * The devices that were opened before.
+ *
+ *     Attributes:
+ *         devices: The devices; the one that was opened last comes first.
+ *         folder: Folder in which a new device is created.
+ *         is_new_folder: Whether the device gets a new folder of its name in `folder`.
+ */
+export interface RecentDevices {
+  kind: "recent-devices";
+  devices: RecentDevice[];
+  folder: string;
+  isNewFolder: boolean;
+}
+/**
+ * A device that was opened before.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         folder: Its folder.
+ *         opened_at: When it was opened last, in s since 1970.
+ *         picture: Its picture as a data URL; empty for none.
+ *         is_missing: Whether the folder has no device any more.
+ *         is_open: Whether it is the device that is open.
+ */
+export interface RecentDevice {
+  name: string;
+  folder: string;
+  openedAt: number;
+  picture: string;
+  isMissing: boolean;
+  isOpen: boolean;
+}
+/**
  * The answer to a request that sends no arrays.
  *
  *     Attributes:
@@ -807,40 +1614,101 @@ export interface Reply {
   problem: Problem | null;
   result: unknown;
 }
+/**
+ * The search of this session, while it runs and after it.
+ *
+ *     Attributes:
+ *         state: Whether a search has started, runs or has ended.
+ *         times: Time of work of each layout that it has come to (n,), s.
+ *         currents: Error of these layouts (n,), mm.
+ *         bests: Error of the best layout until then (n,), mm; None before there is one.
+ *         drawn: Error of the drawn cords, mm; None if it cannot be predicted.
+ *         best: Error of the best layout that keeps all limits, mm; None before there is one.
+ *         poses: Errors by pose.
+ *         current_cords: The layout that it has come to; empty after its end.
+ *         best_cords: The best layout.
+ */
+export interface Search {
+  kind: "search";
+  state: "ended" | "none" | "running";
+  times: number[];
+  currents: number[];
+  bests: (number | null)[];
+  drawn: number | null;
+  best: number | null;
+  poses: SearchedPose[];
+  currentCords: GhostCord[];
+  bestCords: GhostCord[];
+}
+/**
+ * The error in a pose at its largest level.
+ *
+ *     Attributes:
+ *         pose: Name of the pose.
+ *         drawn: Error of the drawn cords, mm; None if it cannot be predicted.
+ *         best: Error of the best cords of the search, mm; None before they are found.
+ */
+export interface SearchedPose {
+  pose: string;
+  drawn: number | null;
+  best: number | null;
+}
 export interface Results {
   "add-next-cord": CordResult;
   "add-straight": CordResult;
   "add-stroke": CordResult;
   answer: null;
   "cancel-job": null;
+  "choose-row": null;
+  "close-device": null;
   "compare-cords": Comparison;
+  "compare-layouts": null;
+  "create-from-body": null;
+  "create-from-gallery": null;
   "delete-cords": null;
   "delete-point": null;
+  "describe-upload": UploadedBody;
   "drag-plane": DragResult;
   "drag-point": DragResult;
   "drag-tangent": DragResult;
   "duplicate-cord": CordResult;
+  "error-map-of": null;
+  "export-device": ExportResult;
+  "forget-device": null;
   "get-shape": null;
   "get-skin": null;
   "insert-point": null;
+  "keep-picture": null;
+  "make-body": null;
   "mirror-cord": CordResult;
+  "open-device": null;
   "outline-of": PlaneOutline;
+  "part-meshes": null;
   "pause-job": null;
   "probe-point": PointNumbers;
   propose: CordResult;
   redo: null;
   "rename-cord": null;
   "rename-device": null;
+  "reset-field": null;
+  "reset-parameter": null;
   restore: null;
   "resume-job": null;
   "search-next-cord": null;
+  "set-field": null;
   "set-freedoms": null;
+  "set-parameter": null;
   "show-section": null;
   "smooth-cord": null;
   "start-build": null;
+  "stop-body": null;
   "stop-next-cord": null;
+  "tick-stage": null;
   undo: null;
   upload: null;
+  "uploaded-surface": null;
+  "use-best": null;
+  "use-layout": null;
 }
 /**
  * The cord that was added.
@@ -860,6 +1728,39 @@ export interface Comparison {
   isRedundant: boolean;
 }
 /**
+ * The body that this browser has uploaded.
+ *
+ *     Attributes:
+ *         name: Name of the file without its suffix.
+ *         format: Suffix of its format, such as ".stl".
+ *         has_unit: Whether the format has a unit, so that neither unit nor size can be chosen.
+ *         unit: The unit; empty if the size determines the scale.
+ *         is_doubtful: Whether that unit is a guess.
+ *         warning: Why the size is unusual; empty if it is not.
+ *         size: Extents (3,), mm.
+ *         volume: Volume, mm³.
+ *         scale: Factor from the vertices that were sent to mm.
+ *         edge_length: Default edge length of the mesh, mm.
+ *         min_edge_length: Smallest edge length that can be computed, mm.
+ *         max_edge_length: Thickness of the body, mm.
+ *         repairs: Repairs of the surface, in words.
+ */
+export interface UploadedBody {
+  name: string;
+  format: string;
+  hasUnit: boolean;
+  unit: string;
+  isDoubtful: boolean;
+  warning: string;
+  size: number[];
+  volume: number;
+  scale: number;
+  edgeLength: number;
+  minEdgeLength: number;
+  maxEdgeLength: number;
+  repairs: string[];
+}
+/**
  * A cord while it is dragged.
  *
  *     Attributes:
@@ -877,6 +1778,17 @@ export interface DragResult {
   snappedTo: string;
   judgement: Judgement | null;
   problem: Problem | null;
+}
+/**
+ * The zip of the built device.
+ *
+ *     Attributes:
+ *         file: The zip.
+ *         count: Number of files in it.
+ */
+export interface ExportResult {
+  file: MadeFile;
+  count: number;
 }
 /**
  * The outline of the body in a plane.
