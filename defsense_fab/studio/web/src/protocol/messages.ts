@@ -26,21 +26,30 @@ export interface Protocol {
     | DragTangent
     | DuplicateCord
     | ErrorMapOf
+    | EvaluateModel
     | ExportDevice
+    | FitResponse
     | ForgetDevice
     | GetShape
     | GetSkin
     | InsertPoint
     | KeepPicture
     | MakeBody
+    | MakeTags
+    | MeasureSpecimen
     | MirrorCord
     | OpenDevice
     | OutlineOf
     | PartMeshes
     | PauseJob
+    | PressKey
     | ProbePoint
+    | ProcessSessions
     | Propose
+    | RecordAnimation
+    | RecordTwin
     | Redo
+    | RefreshChoices
     | RenameCord
     | RenameDevice
     | ResetField
@@ -52,16 +61,27 @@ export interface Protocol {
     | SetFreedoms
     | SetParameter
     | ShowSection
+    | SimulateSpecimens
     | SmoothCord
     | StartBuild
+    | StartCheck
+    | StartLive
+    | StartRecording
     | StopBody
+    | StopGuided
+    | StopLive
     | StopNextCord
+    | TakeRest
     | TickStage
+    | TrainModel
+    | TrainOnSimulation
     | Undo
     | Upload
     | UploadedSurface
     | UseBest
-    | UseLayout;
+    | UseLayout
+    | UseResponse
+    | WatchLive;
   event:
     | AssemblyProgress
     | BodyParameters
@@ -72,10 +92,17 @@ export interface Protocol {
     | ErrorStates
     | Gallery
     | Guide
+    | GuidedState
     | InsideState
     | Job
     | Layouts
+    | LiveDevice
+    | LiveNotes
+    | LivePage
     | MakeState
+    | MeasureChoices
+    | MeasureResults
+    | MeasureStatus
     | NextCordState
     | Notice
     | OptimizeState
@@ -303,10 +330,25 @@ export interface ErrorMapOf {
   state: string;
 }
 /**
+ * Evaluate the trained model on sessions.
+ */
+export interface EvaluateModel {
+  kind: "evaluate-model";
+  id: number;
+  sessions: string[];
+}
+/**
  * Write the parts, the guide, the report and the design into a zip in the device's folder.
  */
 export interface ExportDevice {
   kind: "export-device";
+  id: number;
+}
+/**
+ * Fit the cord's response to the specimens; to simulated ones only without measured ones.
+ */
+export interface FitResponse {
+  kind: "fit-response";
   id: number;
 }
 /**
@@ -370,6 +412,26 @@ export interface MakeBody {
   id: number;
 }
 /**
+ * Choose places for the device's tags, and draw sheets to print.
+ */
+export interface MakeTags {
+  kind: "make-tags";
+  id: number;
+}
+/**
+ * Measure a specimen of the cord jig by jig, or continue its measurement.
+ *
+ *     Attributes:
+ *         port: The board's port, or "twin:speed=20".
+ *         specimen: Folder of the specimen in the device's folder.
+ */
+export interface MeasureSpecimen {
+  kind: "measure-specimen";
+  id: number;
+  port: string;
+  specimen: string;
+}
+/**
  * Add a copy of a cord that is mirrored at the middle of the body, across an axis.
  */
 export interface MirrorCord {
@@ -413,6 +475,21 @@ export interface PauseJob {
   id: number;
 }
 /**
+ * Press a key of the guided run.
+ *
+ *     Attributes:
+ *         key: Name of the key.
+ *         step: Number of the step that was shown: a key for another step is ignored.
+ *         phase: Phase that was shown, as for the step.
+ */
+export interface PressKey {
+  kind: "press-key";
+  id: number;
+  key: string;
+  step: number;
+  phase: "active" | "done" | "ready" | "waiting";
+}
+/**
  * Get the numbers of a point; see `ShowSection` for the other attributes.
  *
  *     Attributes:
@@ -430,6 +507,13 @@ export interface ProbePoint {
   cord: string;
 }
 /**
+ * Process the recorded sessions that are not processed yet.
+ */
+export interface ProcessSessions {
+  kind: "process-sessions";
+  id: number;
+}
+/**
  * Search for the cord that lowers the error most, and add it.
  */
 export interface Propose {
@@ -437,10 +521,42 @@ export interface Propose {
   id: number;
 }
 /**
+ * Start to record an animation, or stop and write it.
+ */
+export interface RecordAnimation {
+  kind: "record-animation";
+  id: number;
+  isOn: boolean;
+}
+/**
+ * Record a session of the device's simulated twin.
+ *
+ *     Attributes:
+ *         minutes: Duration of the session.
+ *         unit: The built unit, with its tolerances and pieces of cord.
+ *         seed: Seed of the hand's path.
+ *         cords: Family of the cords' memory; empty for the default.
+ */
+export interface RecordTwin {
+  kind: "record-twin";
+  id: number;
+  minutes: number;
+  unit: number;
+  seed: number;
+  cords: string;
+}
+/**
  * Repeat the edit that was undone last.
  */
 export interface Redo {
   kind: "redo";
+  id: number;
+}
+/**
+ * Search for boards, recordings, models and sessions again.
+ */
+export interface RefreshChoices {
+  kind: "refresh-choices";
   id: number;
 }
 /**
@@ -567,6 +683,13 @@ export interface ShowSection {
   isRangeFixed: boolean;
 }
 /**
+ * Simulate two specimens of the cord.
+ */
+export interface SimulateSpecimens {
+  kind: "simulate-specimens";
+  id: number;
+}
+/**
  * Compute the tangents of a cord from its points.
  */
 export interface SmoothCord {
@@ -583,10 +706,81 @@ export interface StartBuild {
   stage: "mesh" | "optimize" | "report" | "simulate";
 }
 /**
+ * Check the wiring of the device on its board, step by step.
+ *
+ *     Attributes:
+ *         port: The board's port, or the simulated twin.
+ *         wiggle: Whether the wire of each cord is moved, which finds loose contacts.
+ *         poses: Whether poses are held, if only they show which cord is on which pin.
+ *         reference: Reference resistors, ohm; empty for those that the build proposes.
+ */
+export interface StartCheck {
+  kind: "start-check";
+  id: number;
+  port: string;
+  wiggle: boolean;
+  poses: boolean;
+  reference: number[];
+}
+/**
+ * Run the device live.
+ *
+ *     Attributes:
+ *         model: Name of the model's file.
+ *         port: Source of the readings.
+ *         outputs: Outputs, such as "osc,port=9000"; separated by semicolons.
+ *         uses_file: Whether the outputs of live.toml are used, too.
+ *         keeps_readings: Whether the readings are saved.
+ */
+export interface StartLive {
+  kind: "start-live";
+  id: number;
+  model: string;
+  port: string;
+  outputs: string;
+  usesFile: boolean;
+  keepsReadings: boolean;
+}
+/**
+ * Record the device, step by step, or resume a stopped session.
+ *
+ *     Attributes:
+ *         port: The board's port, "twin" or "none".
+ *         cameras: A camera for each one of the calibration; "twin" or "none".
+ *         calibration: The cameras' calibration file in the device's folder.
+ *         session: Name of the session's folder.
+ *         rounds: Number of rounds through all poses.
+ *         seconds: Time for each pose, s.
+ */
+export interface StartRecording {
+  kind: "start-recording";
+  id: number;
+  port: string;
+  cameras: string;
+  calibration: string;
+  session: string;
+  rounds: number;
+  seconds: number;
+}
+/**
  * Stop making the body, and keep the previous one.
  */
 export interface StopBody {
   kind: "stop-body";
+  id: number;
+}
+/**
+ * Stop the guided run, which can be continued later.
+ */
+export interface StopGuided {
+  kind: "stop-guided";
+  id: number;
+}
+/**
+ * End the live run.
+ */
+export interface StopLive {
+  kind: "stop-live";
   id: number;
 }
 /**
@@ -601,6 +795,13 @@ export interface StopNextCord {
   keepsMap: boolean;
 }
 /**
+ * Take the present readings as those of the device at rest.
+ */
+export interface TakeRest {
+  kind: "take-rest";
+  id: number;
+}
+/**
  * Mark a step of the assembly as done, or as not done.
  */
 export interface TickStage {
@@ -608,6 +809,21 @@ export interface TickStage {
   id: number;
   stage: string;
   isDone: boolean;
+}
+/**
+ * Train a model on sessions.
+ */
+export interface TrainModel {
+  kind: "train-model";
+  id: number;
+  sessions: string[];
+}
+/**
+ * Train a model on the simulated states alone, without any session.
+ */
+export interface TrainOnSimulation {
+  kind: "train-on-simulation";
+  id: number;
 }
 /**
  * Undo the last edit.
@@ -652,6 +868,21 @@ export interface UseLayout {
   kind: "use-layout";
   id: number;
   name: string;
+}
+/**
+ * Use the fitted response in the device.
+ */
+export interface UseResponse {
+  kind: "use-response";
+  id: number;
+}
+/**
+ * Start or stop to send the frames of the live device to this browser.
+ */
+export interface WatchLive {
+  kind: "watch-live";
+  id: number;
+  isWatching: boolean;
 }
 /**
  * The steps of the assembly that are done, by their identifiers.
@@ -1120,6 +1351,128 @@ export interface MadeFile {
   size: number;
 }
 /**
+ * The state of a guided run.
+ *
+ *     Attributes:
+ *         run: Title of the run; empty if none runs.
+ *         phase: Phase of the run.
+ *         step: Number of the step, from 0.
+ *         done: Numbers of the finished steps.
+ *         title: Name of the step and its number.
+ *         instruction: What the user has to do; the words between `**` are emphasized.
+ *         status: Lines with what was received.
+ *         progress: Share of the step or of the run that is over, 0 to 1; None for none.
+ *         keys: Keys of the phase.
+ *         parts: Pictures, bars and plots.
+ *         notes: What the user should attend to.
+ *         alerts: How often the user was alerted in this run.
+ */
+export interface GuidedState {
+  kind: "guided-state";
+  run: string;
+  phase: "active" | "done" | "ready" | "waiting";
+  step: number;
+  done: number[];
+  title: string;
+  instruction: string;
+  status: string[];
+  progress: number | null;
+  keys: GuidedKey[];
+  parts: (GuidedBars | GuidedPlot | GuidedPicture)[];
+  notes: string[];
+  alerts: number;
+}
+/**
+ * A key of a guided run.
+ *
+ *     Attributes:
+ *         name: "enter", or a character in lower case.
+ *         label: What it does; empty for a second name of another key.
+ *         action: What it does.
+ *         hint: When it is used; empty if the label says it.
+ */
+export interface GuidedKey {
+  name: string;
+  label: string;
+  action: "back" | "complete" | "repeat" | "skip" | "start" | "stop";
+  hint: string;
+}
+/**
+ * Rows of one or several bars each.
+ *
+ *     Attributes:
+ *         title: What is shown; empty for none.
+ *         names: Names of the rows (r,); empty for none.
+ *         texts: Texts after the rows (r,); empty for none.
+ *         values: Filled share of each bar (r, c), 0 to 1.
+ *         bands: Expected range of each row (r, 2); empty for none.
+ *         states: State of each row (r,), "ok", "fault" or ""; empty for none.
+ *         colors: Number of the color of each row (r,); empty for one color.
+ */
+export interface GuidedBars {
+  part: "bars";
+  title: string;
+  names: string[];
+  texts: string[];
+  values: number[][];
+  bands: number[][];
+  states: string[];
+  colors: number[];
+}
+/**
+ * A plot of curves.
+ *
+ *     Attributes:
+ *         title: What is shown, with the limits of the axes; empty for none.
+ *         curves: The curves, the last one on top.
+ *         x: Limits of x, left and right.
+ *         y: Limits of y, bottom and top.
+ *         aspect: Height relative to the width.
+ *         has_axes: Whether the lines x = 0 and y = 0 are drawn.
+ */
+export interface GuidedPlot {
+  part: "plot";
+  title: string;
+  curves: GuidedCurve[];
+  x: number[];
+  y: number[];
+  aspect: number;
+  hasAxes: boolean;
+}
+/**
+ * Points or a line of a plot.
+ *
+ *     Attributes:
+ *         name: Name in the legend; empty for none.
+ *         x: Coordinates (n,).
+ *         y: Coordinates (n,).
+ *         color: Number of the color; None for gray.
+ *         is_line: Whether the points are connected.
+ */
+export interface GuidedCurve {
+  name: string;
+  x: number[];
+  y: number[];
+  color: number | null;
+  isLine: boolean;
+}
+/**
+ * The picture of a camera, which is sent as arrays under the name `array`.
+ *
+ *     Attributes:
+ *         name: Name of the camera.
+ *         caption: What the camera sees.
+ *         array: Name of the arrays with the picture as JPEG.
+ *         has_image: Whether there is a recent picture.
+ */
+export interface GuidedPicture {
+  part: "picture";
+  name: string;
+  caption: string;
+  array: string;
+  hasImage: boolean;
+}
+/**
  * What sections of the body can show.
  *
  *     Attributes:
@@ -1284,6 +1637,58 @@ export interface GhostCord {
   path: number[][];
 }
 /**
+ * The device that runs live; its surface and cords at rest follow as arrays.
+ *
+ *     Attributes:
+ *         name: Name of the device; empty if none runs.
+ *         channels: Names of the c channels.
+ *         low: Smallest signals in the training (c,).
+ *         high: Largest signals in the training (c,).
+ *         marker_radius: Typical radius of the markers' 90 % intervals, mm.
+ *         cord_radius: Radius of the cords, mm.
+ *         has_surface: Whether there is a surface, or only markers.
+ *         can_take_rest: Whether the present readings can be taken as those at rest.
+ *         can_record: Whether animations can be recorded.
+ */
+export interface LiveDevice {
+  kind: "live-device";
+  name: string;
+  channels: string[];
+  low: number[];
+  high: number[];
+  markerRadius: number;
+  cordRadius: number;
+  hasSurface: boolean;
+  canTakeRest: boolean;
+  canRecord: boolean;
+}
+/**
+ * What the user should know about the run, a few times a second if it changes.
+ *
+ *     Attributes:
+ *         notes: Notes on the run, or on its last frame.
+ *         latency: Sentences on the latency; empty if unknown.
+ *         is_recording: Whether an animation is being recorded.
+ */
+export interface LiveNotes {
+  kind: "live-notes";
+  notes: string[];
+  latency: string;
+  isRecording: boolean;
+}
+/**
+ * Which page is shown, if it is not the studio.
+ *
+ *     Attributes:
+ *         screen: The live view, or a guided run.
+ *         title: Title of the page.
+ */
+export interface LivePage {
+  kind: "live-page";
+  screen: "guided" | "live";
+  title: string;
+}
+/**
  * Which version of the device the parts belong to.
  *
  *     Attributes:
@@ -1302,6 +1707,243 @@ export interface MakeState {
   detail: string;
   buildObstacle: string;
   exportObstacle: string;
+  problem: Problem | null;
+}
+/**
+ * What can be chosen: boards, recordings, models and sessions.
+ *
+ *     Attributes:
+ *         is_built: Whether the device has been built.
+ *         changes: Sentences on the cords that differ from the build.
+ *         ports: Sources of readings, the simulated twin first.
+ *         models: Models, the newest first.
+ *         sessions: Sessions, the newest last.
+ *         free_seed: The next seed of the twin's unit 1 without a session.
+ *         free_session: A name for a new session.
+ *         has_tags: Whether the device's tags exist, which recordings need.
+ *         has_calibration: Whether there is a calibration of cameras.
+ *         has_live_file: Whether the folder has a file with outputs.
+ *         specimens: Measured sessions on specimens of the cord.
+ *         simulated_specimens: Simulated sessions.
+ */
+export interface MeasureChoices {
+  kind: "measure-choices";
+  isBuilt: boolean;
+  changes: string[];
+  ports: PortChoice[];
+  models: ModelChoice[];
+  sessions: SessionChoice[];
+  freeSeed: number;
+  freeSession: string;
+  hasTags: boolean;
+  hasCalibration: boolean;
+  hasLiveFile: boolean;
+  specimens: string[];
+  simulatedSpecimens: string[];
+}
+/**
+ * A source of readings.
+ *
+ *     Attributes:
+ *         port: The port, as the command line takes it.
+ *         label: Its name for users.
+ *         is_board: Whether it is a board, real or simulated, and not a recording.
+ */
+export interface PortChoice {
+  port: string;
+  label: string;
+  isBoard: boolean;
+}
+/**
+ * A model in the device's folder.
+ *
+ *     Attributes:
+ *         name: Name of its file.
+ *         about: One line on it.
+ *         problem: Why it cannot be used; empty if it can.
+ *         warning: Why its test found it useless; empty for a useful one.
+ *         error: Its test error, mm (RMSE); None if it was not tested.
+ */
+export interface ModelChoice {
+  name: string;
+  about: string;
+  problem: string;
+  warning: string;
+  error: number | null;
+}
+/**
+ * A recorded session.
+ *
+ *     Attributes:
+ *         name: Its folder, relative to the device's folder.
+ *         summary: Description in one line; empty if it is not processed.
+ *         problem: Why it cannot be used for training; empty if it can.
+ *         is_raw: Whether it was recorded, but not processed yet.
+ */
+export interface SessionChoice {
+  name: string;
+  summary: string;
+  problem: string;
+  isRaw: boolean;
+}
+/**
+ * The last results; each is None before the first one.
+ */
+export interface MeasureResults {
+  kind: "measure-results";
+  check: CheckResult | null;
+  training: TrainingResult | null;
+  evaluation: EvaluationResult | null;
+  response: ResponseResult | null;
+}
+/**
+ * The result of the last check of the board.
+ *
+ *     Attributes:
+ *         port: The board's port.
+ *         is_sound: Whether all channels are in order.
+ *         is_complete: Whether all steps were done.
+ *         findings: One finding for each channel.
+ *         notes: What could not be decided.
+ *         rate: Readings per second.
+ *         averages: Conversions per reading.
+ *         reference: Reference resistors that were assumed (c,), ohm.
+ */
+export interface CheckResult {
+  port: string;
+  isSound: boolean;
+  isComplete: boolean;
+  findings: ChannelFinding[];
+  notes: string[];
+  rate: number;
+  averages: number;
+  reference: number[];
+}
+/**
+ * What a check found on one channel.
+ *
+ *     Attributes:
+ *         channel: Index of the channel.
+ *         cord: Name of the cord.
+ *         code: "ok", or a stable code of the fault.
+ *         text: What was found.
+ *         action: What to do; empty if nothing.
+ */
+export interface ChannelFinding {
+  channel: number;
+  cord: string;
+  code: string;
+  text: string;
+  action: string;
+}
+/**
+ * A trained model.
+ *
+ *     Attributes:
+ *         model: Name of its file.
+ *         decoders: The decoders that were compared.
+ *         trained_images: Number of images of the training; None if unknown.
+ *         tested_images: Number of images of the test; None if unknown.
+ *         trained_on: What it was trained on, if that was no measurement; else empty.
+ *         warning: Why its test found it useless; empty for a useful model.
+ *         notes: Notes on the training.
+ */
+export interface TrainingResult {
+  model: string;
+  decoders: DecoderResult[];
+  trainedImages: number | null;
+  testedImages: number | null;
+  trainedOn: string;
+  warning: string;
+  notes: string[];
+}
+/**
+ * Errors of one decoder of a training, mm.
+ *
+ *     Attributes:
+ *         decoder: Its name.
+ *         folds: RMSE by cross-validation.
+ *         test: RMSE of the test; None if it was not tested.
+ *         peak: Largest error of the test.
+ *         is_chosen: Whether the model uses it.
+ */
+export interface DecoderResult {
+  decoder: string;
+  folds: number;
+  test: number | null;
+  peak: number | null;
+  isChosen: boolean;
+}
+/**
+ * Errors of a model on images that were not used for training, mm.
+ *
+ *     Attributes:
+ *         model: Name of the model's file.
+ *         rmse: Root mean square error.
+ *         deviation: Standard deviation of the frames' errors.
+ *         peak: Largest error.
+ *         average_peak: Mean over the frames of the largest error.
+ *         frames: Number of frames.
+ *         notes: Notes on the evaluation.
+ */
+export interface EvaluationResult {
+  model: string;
+  rmse: number;
+  deviation: number;
+  peak: number;
+  averagePeak: number;
+  frames: number;
+  notes: string[];
+}
+/**
+ * A fitted response of the cord.
+ *
+ *     Attributes:
+ *         k_res: Relative change of resistance per strain.
+ *         interval: Its 95 % interval, from and to.
+ *         reason: Why this response was chosen.
+ *         strains: Smallest and largest strain.
+ *         readings: Number of readings.
+ *         pieces: Number of pieces of cord.
+ *         warnings: Warnings.
+ *         is_simulated: Whether it was fitted to simulated specimens.
+ *         can_use: Whether the device does not use it yet.
+ */
+export interface ResponseResult {
+  kRes: number;
+  interval: number[];
+  reason: string;
+  strains: number[];
+  readings: number;
+  pieces: number;
+  warnings: string[];
+  isSimulated: boolean;
+  canUse: boolean;
+}
+/**
+ * What the tasks of the step do.
+ */
+export interface MeasureStatus {
+  kind: "measure-status";
+  check: TaskStatus;
+  record: TaskStatus;
+  train: TaskStatus;
+  specimen: TaskStatus;
+  live: TaskStatus;
+}
+/**
+ * What a task does, or how its last run ended.
+ *
+ *     Attributes:
+ *         state: Whether it runs.
+ *         code: Stable identifier of what came of it, such as "recording-complete"; else empty.
+ *         text: What it does, or what came of it.
+ *         problem: Why it failed, or None.
+ */
+export interface TaskStatus {
+  state: "idle" | "running" | "stopping";
+  code: string;
+  text: string;
   problem: Problem | null;
 }
 /**
@@ -1673,21 +2315,30 @@ export interface Results {
   "drag-tangent": DragResult;
   "duplicate-cord": CordResult;
   "error-map-of": null;
+  "evaluate-model": null;
   "export-device": ExportResult;
+  "fit-response": null;
   "forget-device": null;
   "get-shape": null;
   "get-skin": null;
   "insert-point": null;
   "keep-picture": null;
   "make-body": null;
+  "make-tags": null;
+  "measure-specimen": null;
   "mirror-cord": CordResult;
   "open-device": null;
   "outline-of": PlaneOutline;
   "part-meshes": null;
   "pause-job": null;
+  "press-key": null;
   "probe-point": PointNumbers;
+  "process-sessions": null;
   propose: CordResult;
+  "record-animation": AnimationResult;
+  "record-twin": null;
   redo: null;
+  "refresh-choices": null;
   "rename-cord": null;
   "rename-device": null;
   "reset-field": null;
@@ -1699,16 +2350,27 @@ export interface Results {
   "set-freedoms": null;
   "set-parameter": null;
   "show-section": null;
+  "simulate-specimens": null;
   "smooth-cord": null;
   "start-build": null;
+  "start-check": null;
+  "start-live": null;
+  "start-recording": null;
   "stop-body": null;
+  "stop-guided": null;
+  "stop-live": null;
   "stop-next-cord": null;
+  "take-rest": null;
   "tick-stage": null;
+  "train-model": null;
+  "train-on-simulation": null;
   undo: null;
   upload: null;
   "uploaded-surface": null;
   "use-best": null;
   "use-layout": null;
+  "use-response": null;
+  "watch-live": WatchResult;
 }
 /**
  * The cord that was added.
@@ -1823,4 +2485,43 @@ export interface PointNumbers {
   smallest: number;
   deviation: number;
   drop: number | null;
+}
+/**
+ * What was started or written.
+ */
+export interface AnimationResult {
+  text: string;
+}
+/**
+ * The newest frame's facts; None before the first frame.
+ */
+export interface WatchResult {
+  facts: FrameFacts | null;
+}
+/**
+ * What is sent along with the arrays of a frame.
+ *
+ *     Attributes:
+ *         number: Number of the frame.
+ *         time: Time of the sample on the board's clock, s.
+ *         quality: How far the frame can be trusted.
+ *         quality_text: The same for users.
+ *         marker_radius: Mean radius of the markers' 90 % intervals, mm; None if unknown.
+ *         tracking_error: RMS distance of the markers from where cameras saw them, mm; None without.
+ *         controls: Values of the controls by name, within 0..1 or -1..1.
+ *         confidence: Confidence in each control by name, 0..1.
+ */
+export interface FrameFacts {
+  number: number;
+  time: number;
+  quality: "fallback" | "lost" | "trusted" | "untrained";
+  qualityText: string;
+  markerRadius: number | null;
+  trackingError: number | null;
+  controls: {
+    [k: string]: number;
+  };
+  confidence: {
+    [k: string]: number;
+  };
 }
