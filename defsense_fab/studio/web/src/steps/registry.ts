@@ -5,7 +5,7 @@ import type { Viewer } from "../scene/viewer";
 import type { StepName } from "../state/step";
 
 export interface StepPanels {
-  /** What is selected, at the right; below the scene on a phone. */
+  /** Inspector of the selection, at the right; below the scene on a phone. */
   inspector: ComponentType;
   /** Tools that float at the top of the scene. */
   toolbar?: ComponentType;
