@@ -10,6 +10,7 @@ from ..project.agreement import Agreement
 from ..project.project import Project
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
+from ..steps.poses.poses_step import PosesStep
 from ..steps.sensors import SensorsStep
 from ..steps.shell import ShellStep
 
@@ -34,6 +35,7 @@ class DeviceApp:
         shell = ShellStep(self.session)
         self.steps: tuple[Step, ...] = (
             shell,
+            PosesStep(self.session),
             SensorsStep(self.session, shell.show_violations),
         )
         self._handlers: dict[type[Request], Handler] = {}

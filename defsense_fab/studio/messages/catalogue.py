@@ -10,9 +10,9 @@ from typing import Any, Union
 import msgspec
 
 from ...workflow.view import Event, Reply, Request, Upload
-from . import sensors, shell
+from . import pose_edits, poses, sensors, shell
 
-MODULES: tuple[ModuleType, ...] = (shell, sensors)
+MODULES: tuple[ModuleType, ...] = (shell, poses, pose_edits, sensors)
 
 
 def messages(base: type) -> tuple[Any, ...]:
