@@ -8,7 +8,7 @@ from .arrays import Float
 from .curve import Hermite, arc_lengths, catmull_rom, hermite_basis, resample
 
 _SAMPLES_PER_SPAN = 20
-_MIN_CONTROL_POINTS, _MAX_CONTROL_POINTS = 2, 12
+_MIN_CONTROL_POINTS, _MAX_CONTROL_POINTS = 4, 12  # as few as device.toml accepts
 _REPARAMETRIZATIONS = 3
 _MAX_BIARCS_PER_SPAN = 64
 

@@ -16,9 +16,9 @@ def largest_distance(stroke, curve):
     return np.linalg.norm(stroke[:, None] - line, axis=2).min(1).max()
 
 
-def test_straight_stroke_needs_two_points():
+def test_straight_stroke_gets_as_few_points_as_a_device_accepts():
     curve = fit_curve(np.array([[0.0, 1.0], [3.0, 1.0], [50.0, 1.0]]), 0.1)
-    np.testing.assert_allclose(curve.points, [[0, 1], [50, 1]])
+    np.testing.assert_allclose(curve.points, [[0, 1], [50 / 3, 1], [100 / 3, 1], [50, 1]])
 
 
 def test_wave_gets_the_fewest_points_within_the_tolerance():

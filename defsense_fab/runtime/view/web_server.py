@@ -34,6 +34,7 @@ MAX_UPLOAD_BYTES = 200 * 1024 * 1024
 SOCKET_PATH = "/socket"
 _MAX_MESSAGE_BYTES = 1024 * 1024
 _UPLOAD_HEADER_BYTES = 4  # number of the request that announced the file
+_MAX_UPLOADS = 4  # in progress at the same time
 _MAX_WAITING_REQUESTS = 200  # of one browser; a page waits for answers long before
 _START_TIMEOUT_S, _STOP_TIMEOUT_S = 10.0, 5.0
 _HEADERS = {
@@ -176,6 +177,7 @@ class WebServer:
         max_upload_bytes: Largest size of an uploaded file.
 
     Attributes:
+        port: The port.
         clients: The browsers that show the page.
 
     Raises:
@@ -188,10 +190,11 @@ class WebServer:
     ) -> None:
         with optional(OutputError, "the page", "live"):
             import websockets.asyncio.server as sockets
+            from websockets.exceptions import ConnectionClosed
         check_free(host, port)
         _socket_log.setLevel(logging.CRITICAL)
-        self._listen = sockets.serve
-        self._port, self._host, self._access = port, host, access
+        self._listen, self._closed = sockets.serve, ConnectionClosed
+        self.port, self._host, self._access = port, host, access
         self._max_upload_bytes = max_upload_bytes
         self._files = _read_files()
         self._kept: dict[object, str | bytes] = {}
@@ -245,7 +248,7 @@ class WebServer:
         return await self._listen(
             self._serve,
             self._host,
-            self._port,
+            self.port,
             process_request=self._answer,
             max_size=_MAX_MESSAGE_BYTES,
             compression=None,
@@ -263,7 +266,7 @@ class WebServer:
         headers = request.headers
         reason = self._access.refusal(
             ", ".join(headers.get_all("Host")), headers.get_all("Origin")
-        ) or token_refusal(self._access, self._port, request.path, headers.get_all("Cookie"))
+        ) or token_refusal(self._access, self.port, request.path, headers.get_all("Cookie"))
         if reason is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, reason + "\n")
         path = unquote(urlsplit(request.path).path)
@@ -289,15 +292,13 @@ class WebServer:
         response.headers["Content-Length"] = str(len(content))
         for name, value in _HEADERS.items():
             response.headers[name] = value
-        set_cookie(self._access, self._port, response.headers)
+        set_cookie(self._access, self.port, response.headers)
         response.body = content
         return response
 
     # The socket
 
     async def _serve(self, connection: Any) -> None:
-        import websockets
-
         assert self._application is not None
         client = Client(self._loop, connection)
         with self._lock:
@@ -313,7 +314,7 @@ class WebServer:
                     self._receive(client, message)
                 else:
                     self._receive_part(client, message)
-        except websockets.ConnectionClosed:
+        except self._closed:
             pass  # the browser is gone
         finally:
             pump.cancel()
@@ -356,12 +357,16 @@ class WebServer:
             client.pending_requests -= 1
 
     def _announce(self, client: Client, request: Upload) -> None:
-        if client.upload is not None:
+        limit = self._max_upload_bytes
+        if sum(other.upload is not None for other in self.clients) >= _MAX_UPLOADS:
+            _refuse(client, request.id, "upload-running", "Other files are being sent. Try again")
+        elif client.upload is not None:
             _refuse(client, request.id, "upload-running", "Another file is being sent")
-        elif not 0 < request.size <= self._max_upload_bytes:
-            limit = f"{self._max_upload_bytes // 2**20} MB"
-            text = "The file is empty" if request.size <= 0 else f"The file is larger than {limit}"
-            _refuse(client, request.id, "upload-size", text)
+        elif request.size <= 0:
+            _refuse(client, request.id, "upload-empty", "The file is empty")
+        elif request.size > limit:
+            text = f"The file has {request.size / 2**20:,.0f} MB; {limit // 2**20} MB are allowed"
+            _refuse(client, request.id, "upload-too-large", text)
         else:
             client.upload = request.id, _Upload(request.name, request.size)
 
@@ -377,7 +382,8 @@ class WebServer:
             return
         client.upload = None
         if upload.received > upload.size:
-            _refuse(client, number, "upload-size", "The file is larger than announced")
+            text = "The file is larger than announced"
+            _refuse(client, number, "upload-longer-than-announced", text)
             return
         client.pending_requests += 1
         client.run("edit", lambda: self._pass_on(client, number, upload))

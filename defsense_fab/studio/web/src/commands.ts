@@ -1,0 +1,103 @@
+// All commands of the page: the palette, menus, tooltips and keys read them here.
+import { signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+
+export interface Command {
+  /** Stable name, such as "cord.delete". */
+  id: string;
+  label: string;
+  hint?: string;
+  /** Heading in the list of keys. */
+  group: string;
+  /** Key, such as "Mod+Shift+Z", "Delete" or "?"; Mod is Ctrl, or Command on a Mac. */
+  shortcut?: string;
+  /** Whether its key works while somebody types. */
+  worksInFields?: boolean;
+  /** Whether it can run now. */
+  when?: () => boolean;
+  run: () => void;
+}
+
+const isMac = /Mac|iPhone|iPad/.test(navigator.userAgent);
+
+export const commands = signal<readonly Command[]>([]);
+
+/** Add commands, which replace those of the same name; return a function that removes them. */
+export function registerCommands(added: readonly Command[]): () => void {
+  const ids = new Set(added.map(({ id }) => id));
+  commands.value = [...commands.value.filter(({ id }) => !ids.has(id)), ...added];
+  return () => {
+    commands.value = commands.value.filter((command) => !added.includes(command));
+  };
+}
+
+/** Register commands while a component is mounted; the list is read once. */
+export function useCommands(list: () => readonly Command[]): void {
+  useEffect(() => registerCommands(list()), []);
+}
+
+export function findCommand(id: string): Command | undefined {
+  return commands.value.find((command) => command.id === id);
+}
+
+export function isAvailable(command: Command): boolean {
+  return command.when?.() ?? true;
+}
+
+export function runCommand(id: string): void {
+  const command = findCommand(id);
+  if (command && isAvailable(command)) command.run();
+}
+
+/** The keys of a shortcut as they are printed, such as ["Ctrl", "Z"]. */
+export function shortcutKeys(shortcut: string): string[] {
+  const names: Record<string, string> = isMac
+    ? { Mod: "⌘", Shift: "⇧", Alt: "⌥", Delete: "⌫" }
+    : { Mod: "Ctrl" };
+  return shortcut.split(/\+(?=.)/).map((key) => names[key] ?? key);
+}
+
+const KEYLESS_INPUTS = new Set(["checkbox", "radio", "range", "button", "color", "file"]);
+const OPERATING_KEYS = new Set([" ", "Enter", "Home", "End", "PageUp", "PageDown"]);
+
+/** Whether an element needs a key itself: text fields any, other controls those that set them. */
+function needsKey(target: Element, key: string): boolean {
+  if (target.matches("textarea, select, [contenteditable]")) return true;
+  if (target instanceof HTMLInputElement && !KEYLESS_INPUTS.has(target.type)) return true;
+  const isOperating = OPERATING_KEYS.has(key) || key.startsWith("Arrow");
+  return isOperating && target.matches("input, button, a[href], summary, [role=treeitem]");
+}
+
+function matches(event: KeyboardEvent, shortcut: string): boolean {
+  const keys = shortcut.split(/\+(?=.)/);
+  const key = keys.at(-1)!;
+  if (keys.includes("Mod") !== (isMac ? event.metaKey : event.ctrlKey)) return false;
+  if (keys.includes("Alt") !== event.altKey) return false;
+  const isLetter = /^[a-z]$/i.test(key);
+  // Signs such as "?" need Shift on some keyboards and not on others.
+  if ((isLetter || key.length > 1) && keys.includes("Shift") !== event.shiftKey) return false;
+  return event.key.toLowerCase() === key.toLowerCase();
+}
+
+function onKeyDown(event: KeyboardEvent): void {
+  if (event.defaultPrevented || event.isComposing) return;
+  const target = event.target instanceof Element ? event.target : document.body;
+  if (target.closest("dialog, [role=menu]")) return;
+  const isTaken = needsKey(target, event.key);
+  const found = commands.value.find(
+    (command) =>
+      command.shortcut &&
+      (!isTaken || command.worksInFields) &&
+      matches(event, command.shortcut) &&
+      isAvailable(command),
+  );
+  if (!found) return;
+  event.preventDefault();
+  found.run();
+}
+
+/** Run commands by their keys, except while somebody types. */
+export function listenForKeys(): () => void {
+  document.addEventListener("keydown", onKeyDown);
+  return () => document.removeEventListener("keydown", onKeyDown);
+}

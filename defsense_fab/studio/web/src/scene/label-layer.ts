@@ -1,0 +1,152 @@
+// Labels as elements of the page that stay at their places in the scene and do not overlap.
+import { Vector3 } from "three";
+import type { Viewer } from "./viewer";
+
+export type LabelTone = "plain" | "alarm" | "accent";
+
+export interface Label {
+  /** Unique identifier. */
+  id: string;
+  text: string;
+  /** Place in the rest frame (3,), mm. */
+  at: number[];
+  tone: LabelTone;
+  /** Labels of a higher priority keep their place. */
+  priority: number;
+  onClick?: () => void;
+}
+
+interface Entry {
+  label: Label;
+  element: HTMLElement;
+  stem: SVGLineElement;
+  width: number;
+  height: number;
+}
+
+interface Box {
+  left: number;
+  top: number;
+  right: number;
+  bottom: number;
+}
+
+const GAP_PX = 4;
+/** Where a label may be, from its place to its middle, in units of its half size and a stem. */
+const SIDES = [
+  [0.8, -1], [-0.8, -1], [0.8, 1], [-0.8, 1], [0, -1], [0, 1], [1, 0], [-1, 0],
+] as const;
+const STEMS_PX = [14, 34, 60, 90];
+const SVG = "http://www.w3.org/2000/svg";
+
+export class LabelLayer {
+  readonly element = document.createElement("div");
+  private readonly stems = document.createElementNS(SVG, "svg");
+  private readonly groups = new Map<string, Label[]>();
+  private readonly entries = new Map<string, Entry>();
+  private readonly stopListening: () => void;
+  private readonly place = new Vector3();
+
+  constructor(private readonly viewer: Viewer) {
+    this.element.className = "viewer-labels";
+    this.stems.setAttribute("aria-hidden", "true");
+    this.element.append(this.stems);
+    viewer.overlay.append(this.element);
+    this.stopListening = viewer.onFrame(() => this.arrange());
+  }
+
+  /** Show the labels of a group, such as "limits"; they replace the last ones of the group. */
+  set(group: string, labels: Label[]): void {
+    this.groups.set(group, labels);
+    const all = [...this.groups.values()].flat();
+    const ids = new Set(all.map(({ id }) => id));
+    for (const [id, { element, stem }] of this.entries) {
+      if (ids.has(id)) continue;
+      element.remove();
+      stem.remove();
+      this.entries.delete(id);
+    }
+    for (const label of all) this.show(label);
+    this.viewer.invalidate();
+  }
+
+  dispose(): void {
+    this.stopListening();
+    this.element.remove();
+  }
+
+  private show(label: Label): void {
+    const known = this.entries.get(label.id);
+    if (known && !!known.label.onClick === !!label.onClick) {
+      known.label = label;
+      if (known.element.textContent !== label.text) {
+        known.element.textContent = label.text;
+        known.width = 0;
+      }
+      known.element.dataset.tone = label.tone;
+      return;
+    }
+    known?.element.remove();
+    known?.stem.remove();
+    const element = document.createElement(label.onClick ? "button" : "span");
+    element.className = "viewer-label";
+    element.dataset.tone = label.tone;
+    element.textContent = label.text;
+    const stem = document.createElementNS(SVG, "line");
+    stem.dataset.tone = label.tone;
+    const entry: Entry = { label, element, stem, width: 0, height: 0 };
+    element.addEventListener("click", () => entry.label.onClick?.());
+    this.element.append(element);
+    this.stems.append(stem);
+    this.entries.set(label.id, entry);
+  }
+
+  private arrange(): void {
+    const used: Box[] = [];
+    const { width, height } = this.viewer;
+    const entries = [...this.entries.values()].sort((a, b) => b.label.priority - a.label.priority);
+    for (const entry of entries) {
+      if (entry.width === 0) {
+        entry.width = entry.element.offsetWidth;
+        entry.height = entry.element.offsetHeight;
+      }
+    }
+    for (const entry of entries) {
+      const [x, y] = this.viewer.project(this.place.fromArray(entry.label.at));
+      const isShown = x > 0 && y > 0 && x < width && y < height;
+      const box = isShown ? this.freeBox(entry, x, y, used) : null;
+      entry.element.style.visibility = entry.stem.style.visibility = box ? "visible" : "hidden";
+      if (!box) continue;
+      used.push(box);
+      entry.element.style.transform = `translate(${box.left}px, ${box.top}px)`;
+      entry.stem.setAttribute("x1", `${x}`);
+      entry.stem.setAttribute("y1", `${y}`);
+      entry.stem.setAttribute("x2", `${Math.min(Math.max(x, box.left), box.right)}`);
+      entry.stem.setAttribute("y2", `${Math.min(Math.max(y, box.top), box.bottom)}`);
+    }
+  }
+
+  private freeBox(entry: Entry, x: number, y: number, used: Box[]): Box | null {
+    const { width, height } = entry;
+    for (const stem of STEMS_PX) {
+      for (const [sx, sy] of SIDES) {
+        const left = Math.round(x + sx * (width / 2 + stem / 2) - width / 2);
+        const top = Math.round(y + sy * (height / 2 + stem) - height / 2);
+        const box = { left, top, right: left + width, bottom: top + height };
+        const isInside =
+          left >= 0 && top >= 0 && box.right <= this.viewer.width && box.bottom <= this.viewer.height;
+        if (isInside && !used.some((other) => overlaps(box, other))) return box;
+      }
+    }
+    return null;
+  }
+}
+
+function overlaps(a: Box, b: Box): boolean {
+  return (
+    a.left < b.right + GAP_PX &&
+    b.left < a.right + GAP_PX &&
+    a.top < b.bottom + GAP_PX &&
+    b.top < a.bottom + GAP_PX
+  );
+}

@@ -1,0 +1,44 @@
+// A bar of a round length in mm, at the lower right of the scene.
+import type { Viewer } from "./viewer";
+
+const LARGEST_PX = 120;
+
+export class ScaleBar {
+  private readonly element = document.createElement("div");
+  private readonly text = document.createElement("span");
+  private readonly bar = document.createElement("div");
+  private readonly stopListening: () => void;
+  private shown = "";
+
+  constructor(viewer: Viewer) {
+    this.element.className = "viewer-scale";
+    this.element.setAttribute("role", "img");
+    this.element.append(this.text, this.bar);
+    viewer.overlay.append(this.element);
+    this.stopListening = viewer.onFrame(() => {
+      this.show(viewer.rig.mmPerPixel(viewer.rig.controls.target));
+    });
+  }
+
+  dispose(): void {
+    this.stopListening();
+    this.element.remove();
+  }
+
+  private show(mmPerPixel: number): void {
+    const length = roundLength(LARGEST_PX * mmPerPixel);
+    const width = Math.round(length / mmPerPixel);
+    const label = `${Number(length.toPrecision(1))} mm`;
+    if (this.shown === `${label} ${width}`) return;
+    this.shown = `${label} ${width}`;
+    this.text.textContent = label;
+    this.bar.style.width = `${width}px`;
+    this.element.setAttribute("aria-label", `Scale: ${label}`);
+  }
+}
+
+/** Return the largest of 1, 2 and 5 times a power of ten that is not larger. */
+export function roundLength(largest: number): number {
+  const power = 10 ** Math.floor(Math.log10(largest));
+  return [5, 2, 1].map((digit) => digit * power).find((length) => length <= largest) ?? power;
+}

@@ -1,0 +1,228 @@
+// The scene: it renders only when something has changed, and owns camera, layers and overlay.
+import {
+  type Color,
+  LinearSRGBColorSpace,
+  Mesh,
+  NoToneMapping,
+  PlaneGeometry,
+  Ray,
+  Scene,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import { BodyLayer } from "./body-layer";
+import { CameraRig } from "./camera-rig";
+import { ContactShadow } from "./contact-shadow";
+import { CordLayer } from "./cord-layer";
+import { LabelLayer } from "./label-layer";
+import { ORDER } from "./order";
+import { Picker } from "./picker";
+import { isSoftwareRendered, Resolution } from "./resolution";
+import { ScaleBar } from "./scale-bar";
+import "./scene.css";
+import { backgroundMaterial } from "./shading";
+import { onThemeChange, type SceneColors, sceneColors } from "./theme";
+import { ViewCube } from "./view-cube";
+
+/** Time without a change after which the picture is rendered at full resolution, ms. */
+const STILL_MS = 140;
+
+export class Viewer {
+  readonly scene = new Scene();
+  readonly renderer: WebGLRenderer;
+  readonly canvas: HTMLCanvasElement;
+  /** Elements over the picture: labels, handles, scale. */
+  readonly overlay = document.createElement("div");
+  readonly rig: CameraRig;
+  readonly body: BodyLayer;
+  readonly cords: CordLayer;
+  readonly labels: LabelLayer;
+  readonly picker: Picker;
+  readonly cube: ViewCube;
+  readonly resolution: Resolution;
+  colors: SceneColors = sceneColors();
+  width = 1;
+  height = 1;
+  private readonly background = new Mesh(new PlaneGeometry(2, 2), backgroundMaterial());
+  private readonly shadow = new ContactShadow();
+  private readonly scale: ScaleBar;
+  private readonly frameListeners = new Set<() => void>();
+  private readonly themeListeners = new Set<(colors: SceneColors) => void>();
+  private readonly observer: ResizeObserver;
+  private readonly stopTheme: () => void;
+  private readonly projected = new Vector3();
+  private frame = 0;
+  private stillTimer = 0;
+  private hasBody = false;
+  private isMoving = false;
+
+  constructor(private readonly host: HTMLElement) {
+    const isSoftware = isSoftwareRendered();
+    this.resolution = new Resolution(isSoftware);
+    this.renderer = new WebGLRenderer({ antialias: !isSoftware, stencil: true });
+    this.renderer.toneMapping = NoToneMapping;
+    this.renderer.setPixelRatio(this.resolution.ratio);
+    this.canvas = this.renderer.domElement;
+    this.canvas.className = "viewer-canvas";
+    this.canvas.tabIndex = 0;
+    this.canvas.setAttribute("role", "application");
+    this.canvas.setAttribute("aria-label", "Scene");
+    this.overlay.className = "viewer-overlay";
+    host.classList.add("viewer");
+    host.append(this.canvas, this.overlay);
+    this.rig = new CameraRig(this.canvas, () => this.invalidate());
+    this.body = new BodyLayer(
+      () => this.invalidate(),
+      () => this.onBodyShape(),
+    );
+    this.cords = new CordLayer(
+      () => this.refresh(),
+      () => this.invalidate(),
+    );
+    this.background.frustumCulled = false;
+    this.background.renderOrder = ORDER.background;
+    this.scene.add(this.background, this.shadow.object, this.body.object, this.cords.object);
+    this.labels = new LabelLayer(this);
+    this.scale = new ScaleBar(this);
+    this.picker = new Picker(this);
+    this.cube = new ViewCube(this);
+    this.observer = new ResizeObserver(() => this.resize());
+    this.observer.observe(host);
+    this.stopTheme = onThemeChange(() => this.applyTheme());
+    this.applyTheme();
+    this.resize();
+  }
+
+  /** Render a frame of something that moves. */
+  invalidate(): void {
+    this.isMoving = true;
+    this.refresh();
+  }
+
+  /** Render a frame after a single change. */
+  refresh(): void {
+    this.frame ||= requestAnimationFrame((now) => this.render(now));
+  }
+
+  /** Call a function after each frame; return a function to stop. */
+  onFrame(action: () => void): () => void {
+    this.frameListeners.add(action);
+    return () => this.frameListeners.delete(action);
+  }
+
+  /** Call a function with the colors now and when they change; return a function to stop. */
+  onTheme(action: (colors: SceneColors) => void): () => void {
+    action(this.colors);
+    this.themeListeners.add(action);
+    return () => this.themeListeners.delete(action);
+  }
+
+  /** Return the pixel of a point in the scene. */
+  project(point: Vector3): [number, number] {
+    const { x, y, z } = this.projected.copy(point).project(this.rig.camera);
+    if (z > 1) return [-1e4, -1e4];
+    return [((x + 1) / 2) * this.width, ((1 - y) / 2) * this.height];
+  }
+
+  /** Return the ray of view through a pixel. */
+  rayAt(x: number, y: number): Ray {
+    const [u, v] = [(2 * x) / this.width - 1, 1 - (2 * y) / this.height];
+    const near = new Vector3(u, v, -1).unproject(this.rig.camera);
+    const far = new Vector3(u, v, 1).unproject(this.rig.camera);
+    return new Ray(near, far.sub(near).normalize());
+  }
+
+  /** Return the pixel of a pointer event. */
+  local(event: { clientX: number; clientY: number }): [number, number] {
+    const { left, top } = this.canvas.getBoundingClientRect();
+    return [event.clientX - left, event.clientY - top];
+  }
+
+  /** Hide the shadow and the cube, as for drawing in a plane. */
+  setPlain(isPlain: boolean): void {
+    this.shadow.object.visible = !isPlain;
+    this.cube.setHidden(isPlain);
+  }
+
+  dispose(): void {
+    cancelAnimationFrame(this.frame);
+    clearTimeout(this.stillTimer);
+    this.observer.disconnect();
+    this.stopTheme();
+    for (const part of [this.picker, this.labels, this.scale, this.cube]) part.dispose();
+    for (const part of [this.rig, this.body, this.cords, this.shadow]) part.dispose();
+    this.background.geometry.dispose();
+    this.background.material.dispose();
+    this.renderer.dispose();
+    this.canvas.remove();
+    this.overlay.remove();
+  }
+
+  private render(now: number): void {
+    this.frame = 0;
+    if (this.width < 2 || this.height < 2) return;
+    this.resolution.record(now);
+    this.setMoving(this.isMoving);
+    this.draw(now);
+    if (this.rig.isChanging || this.cube.isBusy) this.invalidate();
+    clearTimeout(this.stillTimer);
+    this.stillTimer = window.setTimeout(() => this.onStill(), STILL_MS);
+  }
+
+  private draw(now: number): void {
+    this.rig.update(now);
+    if (this.shadow.isStale && !this.body.isEmpty) {
+      this.shadow.render(this.renderer, this.scene, this.body.object, this.body.box);
+    }
+    this.renderer.render(this.scene, this.rig.camera);
+    this.cube.render();
+    for (const action of this.frameListeners) action();
+  }
+
+  private onStill(): void {
+    this.isMoving = false;
+    if (this.setMoving(false)) this.draw(performance.now());
+  }
+
+  private setMoving(isMoving: boolean): boolean {
+    const isChanged = this.resolution.setMoving(isMoving);
+    if (isChanged) this.renderer.setPixelRatio(this.resolution.ratio);
+    this.body.setCoarse(this.resolution.isCoarse);
+    return isChanged;
+  }
+
+  private onBodyShape(): void {
+    this.shadow.isStale = true;
+    this.rig.setBounds(this.body.box);
+    if (!this.hasBody) this.rig.look("home", false);
+    this.hasBody = true;
+    this.invalidate();
+  }
+
+  private resize(): void {
+    const { clientWidth, clientHeight } = this.host;
+    if (clientWidth < 2 || clientHeight < 2) return;
+    [this.width, this.height] = [clientWidth, clientHeight];
+    this.renderer.setSize(clientWidth, clientHeight);
+    this.rig.resize(clientWidth, clientHeight);
+    this.cords.setViewport(clientWidth, clientHeight);
+    this.cube.resize();
+    // The canvas is empty after a change of its size.
+    this.draw(performance.now());
+  }
+
+  private applyTheme(): void {
+    this.colors = sceneColors();
+    this.body.setTheme(this.colors);
+    this.cords.setTheme(this.colors);
+    this.shadow.strength = this.colors.shadow;
+    this.cube.setTheme();
+    // The gradient is not lit, so that its colors are those of the page.
+    for (const name of ["sky", "ground"] as const) {
+      const color = this.background.material.uniforms[name]!.value as Color;
+      color.setStyle(this.colors[name], LinearSRGBColorSpace);
+    }
+    for (const action of this.themeListeners) action(this.colors);
+    this.invalidate();
+  }
+}

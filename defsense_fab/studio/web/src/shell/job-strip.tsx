@@ -1,0 +1,99 @@
+// The strip at the bottom: the running job, or how the last one ended.
+import { effect, signal } from "@preact/signals";
+import { connection, job } from "../state/connection";
+import { run } from "../state/run";
+import { Button, IconButton } from "../ui/button";
+import { confirm } from "../ui/dialog";
+import { ProgressBar } from "../ui/feedback";
+import { Icon } from "../ui/icons";
+
+const LONG_JOB_MS = 60_000; // after which Cancel asks first
+const DONE_MS = 10_000;
+
+const startedAt = signal<number | null>(null);
+const isResultShown = signal(false);
+
+let timer: ReturnType<typeof setTimeout> | undefined;
+
+// The end of a job is shown for a while where its run was seen; an error until it is dismissed.
+effect(() => {
+  const current = job.value;
+  if (!current) return;
+  clearTimeout(timer);
+  if (current.state !== "idle") {
+    startedAt.value ??= Date.now();
+    isResultShown.value = false;
+    return;
+  }
+  const wasSeen = startedAt.peek() !== null;
+  startedAt.value = null;
+  isResultShown.value = current.problem !== null || wasSeen;
+  if (!current.problem) timer = setTimeout(() => (isResultShown.value = false), DONE_MS);
+});
+
+async function cancel(title: string): Promise<void> {
+  const isLong = Date.now() - (startedAt.value ?? Date.now()) > LONG_JOB_MS;
+  const isConfirmed =
+    !isLong ||
+    (await confirm({
+      title: "Cancel the job?",
+      text: `“${title}” has run for more than a minute. Completed stages are kept.`,
+      action: "Cancel the job",
+      isDanger: true,
+    }));
+  if (isConfirmed) await run(connection.send("cancel-job", {}));
+}
+
+export function JobStrip() {
+  const current = job.value;
+  const isActive = current !== null && current.state !== "idle";
+  const isShown = isActive || (isResultShown.value && Boolean(current?.title));
+  return (
+    <footer class="job-strip" aria-label="Job" hidden={!isShown}>
+      {isActive ? <RunningJob /> : isShown && <EndedJob />}
+    </footer>
+  );
+}
+
+function RunningJob() {
+  const { title, message, share, canPause, state } = job.value!;
+  const isPaused = state === "paused";
+  const percent = Math.round(share * 100);
+  return (
+    <>
+      {isPaused ? <Icon name="pause" /> : <span class="spinner" aria-hidden="true" />}
+      <strong>{title}</strong>
+      <span class="job-message">{isPaused ? "paused" : message}</span>
+      <ProgressBar label={title} share={share} />
+      <span class="job-percent">{percent} %</span>
+      {canPause && (
+        <Button
+          variant="quiet"
+          icon={isPaused ? "play" : "pause"}
+          onClick={() => void run(connection.send(isPaused ? "resume-job" : "pause-job", {}))}
+        >
+          {isPaused ? "Resume" : "Pause"}
+        </Button>
+      )}
+      <Button variant="quiet" icon="stop" onClick={() => void cancel(title)}>
+        Cancel
+      </Button>
+    </>
+  );
+}
+
+function EndedJob() {
+  const { title, message, problem } = job.value!;
+  return (
+    <>
+      <span class={problem ? "job-failed" : "job-done"}>
+        <Icon name={problem ? "error" : "check"} />
+      </span>
+      <strong>{title}</strong>
+      <span class="job-message ended" role={problem ? "alert" : "status"}>
+        {problem ? problem.text : message || "done"}
+      </span>
+      <IconButton icon="close" label="Dismiss" onClick={() => (isResultShown.value = false)} />
+    </>
+  );
+}

@@ -1,0 +1,107 @@
+import type { CordState } from "../protocol/messages";
+import { connection, device, violationsByCord } from "../state/connection";
+import { isDrawerOpen, isPhone } from "../state/layout";
+import { renaming } from "../state/renaming";
+import { run } from "../state/run";
+import {
+  BODY,
+  type Item,
+  followRename,
+  hovered,
+  isHidden,
+  isHovered,
+  isSelected,
+  select,
+  toggleHidden,
+} from "../state/selection";
+import type { IconName } from "../ui/icons";
+import { IconButton } from "../ui/button";
+import { openContextMenuFor } from "../ui/menu";
+import { Tree, type TreeNode } from "../ui/tree";
+import { cordMenu, deleteCords, isLocked, setLocked } from "./cord-commands";
+
+/** The tree of all that the device consists of. */
+export function LeftPanel() {
+  return (
+    <aside class="left-panel" aria-label="Device">
+      {isPhone.value && (
+        <header class="panel-header">
+          <h2>Device</h2>
+          <IconButton icon="close" label="Close the list" onClick={() => (isDrawerOpen.value = false)} />
+        </header>
+      )}
+      <Tree
+        label="Parts of the device"
+        nodes={nodes()}
+        renaming={renaming.value}
+        onRenaming={(id) => (renaming.value = id)}
+      />
+    </aside>
+  );
+}
+
+function nodes(): TreeNode[] {
+  const { regions = [], poses = [], cords = [], noun = "cord" } = device.value ?? {};
+  const sensors = `${noun[0]!.toUpperCase()}${noun.slice(1)}s`;
+  return [
+    { ...itemNode(BODY, "make"), label: "Body", buttons: [eye(BODY, "body")] },
+    group("regions", "Regions", regions.map((name) => itemNode({ kind: "region", name }, "region"))),
+    group("poses", "Poses", poses.map((name) => itemNode({ kind: "pose", name }, "pose"))),
+    group("cords", sensors, cords.map(cordNode)),
+  ];
+}
+
+function group(id: string, label: string, children: TreeNode[]): TreeNode {
+  return { id, label, children, count: children.length };
+}
+
+function itemNode(item: Item, icon: IconName): TreeNode {
+  return {
+    id: `${item.kind}:${item.name}`,
+    label: item.name,
+    icon,
+    isSelected: isSelected(item),
+    isHovered: isHovered(item),
+    isDimmed: isHidden(item),
+    onSelect: (isAdded) => select(item, isAdded),
+    onHover: (isOver) => (hovered.value = isOver ? item : null),
+  };
+}
+
+function eye(item: Item, label: string) {
+  const isOff = isHidden(item);
+  return {
+    icon: isOff ? ("eyeOff" as const) : ("eye" as const),
+    label: `${isOff ? "Show" : "Hide"} ${label}`,
+    isOn: isOff,
+    run: () => toggleHidden(item),
+  };
+}
+
+function cordNode({ name, color, free }: CordState): TreeNode {
+  const item: Item = { kind: "cord", name };
+  const isFixed = free.length === 0;
+  return {
+    ...itemNode(item, "cord"),
+    color,
+    problem: violationsByCord.value.get(name)?.join(". "),
+    buttons: [
+      eye(item, name),
+      {
+        icon: isFixed ? "lock" : "unlock",
+        label: `${isFixed ? "Unlock" : "Lock"} ${name}`,
+        isOn: isFixed,
+        run: () => void setLocked(name, !isLocked(name)),
+      },
+    ],
+    onRename: async (to) => {
+      const answer = await run(connection.send("rename-cord", { cord: name, name: to }));
+      if (answer !== undefined) followRename(item, to);
+    },
+    onDelete: () => void deleteCords([name]),
+    onMenu: (event) => {
+      if (!isSelected(item)) select(item);
+      openContextMenuFor(event, `Actions for ${name}`, cordMenu());
+    },
+  };
+}

@@ -1,0 +1,31 @@
+import { connection, isJobActive, pipeline } from "../state/connection";
+import { run } from "../state/run";
+import { enterStep } from "../state/step";
+import { Button } from "../ui/button";
+
+/** Do what comes next: build up to a stage, or enter the step where it is done. */
+export function doNext(): void {
+  const next = pipeline.value?.next;
+  if (!next || (next.stage && isJobActive.value)) return;
+  enterStep(next.step);
+  if (next.stage) void run(connection.send("start-build", { stage: next.stage }));
+}
+
+/** The button of what comes next. */
+export function NextButton({ variant = "primary" }: { variant?: "primary" | "plain" }) {
+  const next = pipeline.value?.next;
+  if (!next?.label) return null;
+  const isWaiting = next.stage !== null && isJobActive.value;
+  return (
+    <Button
+      variant={variant}
+      class="next-button"
+      hint={isWaiting ? "Wait until the running job has ended" : next.hint}
+      shortcut="Mod+Enter"
+      disabled={isWaiting}
+      onClick={doNext}
+    >
+      {next.label}
+    </Button>
+  );
+}

@@ -1,0 +1,113 @@
+// Commands of the whole page.
+import type { Command } from "../commands";
+import { connection, device, isJobActive, job } from "../state/connection";
+import { isBottomPanelOpen, isLeftPanelOpen } from "../state/layout";
+import { run } from "../state/run";
+import { clearSelection, select, selection } from "../state/selection";
+import { STEPS, STEP_LABELS, enterStep, showAllDevices } from "../state/step";
+import { isDark, theme } from "../state/theme";
+import { isKeyHelpOpen, isPaletteOpen } from "../ui/command-palette";
+import { startIntroduction } from "./introduction";
+import { doNext } from "./next-button";
+
+export const pageCommands = (): readonly Command[] => [
+  {
+    id: "undo",
+    label: "Undo",
+    group: "Edit",
+    shortcut: "Mod+Z",
+    when: () => Boolean(device.value?.undoName),
+    run: () => void run(connection.send("undo", {})),
+  },
+  {
+    id: "redo",
+    label: "Redo",
+    group: "Edit",
+    shortcut: "Mod+Shift+Z",
+    when: () => Boolean(device.value?.redoName),
+    run: () => void run(connection.send("redo", {})),
+  },
+  {
+    id: "select-all",
+    label: "Select all cords",
+    group: "Edit",
+    shortcut: "Mod+A",
+    run: () => {
+      clearSelection();
+      for (const { name } of device.value?.cords ?? []) select({ kind: "cord", name }, true);
+    },
+  },
+  {
+    id: "select-none",
+    label: "Select nothing",
+    group: "Edit",
+    shortcut: "Escape",
+    when: () => selection.value.length > 0,
+    run: clearSelection,
+  },
+  ...STEPS.map((name, index) => ({
+    id: `step.${name}`,
+    label: `Go to ${STEP_LABELS[name]}`,
+    group: "Steps",
+    shortcut: String(index + 1),
+    run: () => enterStep(name),
+  })),
+  { id: "next", label: "Do what comes next", group: "Steps", shortcut: "Mod+Enter", run: doNext },
+  {
+    id: "pause",
+    label: "Pause or resume the job",
+    group: "Steps",
+    when: () => isJobActive.value && Boolean(job.value?.canPause),
+    run: () => {
+      const kind = job.value?.state === "paused" ? "resume-job" : "pause-job";
+      void run(connection.send(kind, {}));
+    },
+  },
+  {
+    id: "left-panel",
+    label: "Show or hide the list of parts",
+    group: "View",
+    shortcut: "Mod+B",
+    run: () => {
+      isLeftPanelOpen.value = !isLeftPanelOpen.value;
+    },
+  },
+  {
+    id: "bottom-panel",
+    label: "Show or hide the bottom panel",
+    group: "View",
+    shortcut: "Mod+J",
+    run: () => {
+      isBottomPanelOpen.value = !isBottomPanelOpen.value;
+    },
+  },
+  {
+    id: "theme",
+    label: "Switch between light and dark",
+    group: "View",
+    run: () => {
+      theme.value = isDark.value ? "light" : "dark";
+    },
+  },
+  { id: "devices", label: "All devices", group: "View", run: showAllDevices },
+  {
+    id: "palette",
+    label: "Commands",
+    group: "Help",
+    shortcut: "Mod+K",
+    worksInFields: true,
+    run: () => {
+      isPaletteOpen.value = true;
+    },
+  },
+  {
+    id: "keys",
+    label: "Keyboard shortcuts",
+    group: "Help",
+    shortcut: "?",
+    run: () => {
+      isKeyHelpOpen.value = true;
+    },
+  },
+  { id: "introduction", label: "Introduction", group: "Help", run: startIntroduction },
+];

@@ -1,0 +1,4 @@
+/** The place of the 3D scene. */
+export function SceneHost() {
+  return <div class="scene-host" />;
+}

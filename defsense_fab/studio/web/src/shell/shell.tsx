@@ -1,0 +1,53 @@
+import { useCommands } from "../commands";
+import { isDrawerOpen, isLeftPanelOpen, isPhone } from "../state/layout";
+import { step } from "../state/step";
+import { stepPanels } from "../steps/registry";
+import { BottomPanel } from "./bottom-panel";
+import { cordCommands } from "./cord-commands";
+import { Inspector } from "./inspector";
+import { Introduction } from "./introduction";
+import { LeftPanel } from "./left-panel";
+import { pageCommands } from "./page-commands";
+import { SceneHost } from "./scene-host";
+import { TopBar } from "./top-bar";
+
+/** The page of a device. */
+export function Shell() {
+  useCommands(() => [...pageCommands(), ...cordCommands()]);
+  const panels = stepPanels(step.value);
+  const isTreeOpen = isPhone.value ? isDrawerOpen.value : isLeftPanelOpen.value;
+  return (
+    <div class="shell">
+      <TopBar />
+      <div class="workspace">
+        {isPhone.value && isTreeOpen && (
+          <div class="drawer-backdrop" onClick={() => (isDrawerOpen.value = false)} />
+        )}
+        {isTreeOpen && <LeftPanel />}
+        <div class="middle">
+          <main class="stage" aria-label="Scene">
+            <SceneHost />
+            {panels?.toolbar && (
+              <div class="scene-toolbar" role="toolbar" aria-label="Tools">
+                <panels.toolbar />
+              </div>
+            )}
+            {panels?.legend && (
+              <div class="scene-legend">
+                <panels.legend />
+              </div>
+            )}
+            {panels?.stage && (
+              <div class="scene-cover">
+                <panels.stage />
+              </div>
+            )}
+            <Introduction />
+          </main>
+          {!isPhone.value && <BottomPanel />}
+        </div>
+        <Inspector />
+      </div>
+    </div>
+  );
+}

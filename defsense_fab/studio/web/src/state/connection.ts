@@ -1,0 +1,28 @@
+// The connection of this page, and the events that most components read.
+import { computed } from "@preact/signals";
+import { Connection } from "../protocol/connection";
+
+const scheme = location.protocol === "https:" ? "wss" : "ws";
+
+export const connection = new Connection(`${scheme}://${location.host}/socket`);
+
+export const page = connection.event("page");
+export const device = connection.event("device-state");
+export const pipeline = connection.event("pipeline");
+export const prediction = connection.event("prediction");
+export const job = connection.event("job");
+export const question = connection.event("question");
+
+/** Whether work runs in the background or is paused; only one job runs at a time. */
+export const isJobActive = computed(() => (job.value?.state ?? "idle") !== "idle");
+
+/** Texts of the broken limits by the name of the cord that breaks them. */
+export const violationsByCord = computed(() => {
+  const texts = new Map<string, string[]>();
+  for (const violation of prediction.value?.drawn?.violations ?? []) {
+    for (const cord of violation.cords) {
+      texts.set(cord, [...(texts.get(cord) ?? []), violation.text]);
+    }
+  }
+  return texts;
+});

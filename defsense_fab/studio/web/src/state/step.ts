@@ -1,0 +1,71 @@
+// The entered step, and which screen this browser shows.
+import { computed, signal } from "@preact/signals";
+import type { StepStatus } from "../protocol/messages";
+import { connection, page, pipeline } from "./connection";
+
+export type StepName = StepStatus["name"];
+
+export const STEPS: readonly StepName[] = [
+  "body",
+  "poses",
+  "inside",
+  "sensors",
+  "optimize",
+  "make",
+  "measure",
+];
+
+export const STEP_LABELS: Record<StepName, string> = {
+  body: "Body",
+  poses: "Poses",
+  inside: "Inside",
+  sensors: "Sensors",
+  optimize: "Optimize",
+  make: "Make",
+  measure: "Measure",
+};
+
+export const step = signal<StepName>("body");
+
+export const stepStatus = computed(
+  () => pipeline.value?.steps.find(({ name }) => name === step.value) ?? null,
+);
+
+/** Whether this browser shows all devices although one is open. */
+const isStartWanted = signal(false);
+
+export const screen = computed(() =>
+  page.value?.screen === "device" && isStartWanted.value ? "start" : page.value?.screen,
+);
+
+/** Whether the start page can be left for the device that is open. */
+export const canReturn = computed(() => page.value?.screen === "device" && isStartWanted.value);
+
+export function showAllDevices(): void {
+  isStartWanted.value = true;
+}
+
+export function showDevice(): void {
+  isStartWanted.value = false;
+}
+
+// A device that is opened is shown, at the step that is next to do.
+let folder: string | null = null;
+connection.listen("page", (event) => {
+  if (event.screen !== "start" && event.folder !== folder) {
+    isStartWanted.value = false;
+    isStepChosen = false;
+    folder = event.folder;
+  }
+});
+
+let isStepChosen = false;
+connection.listen("pipeline", ({ next }) => {
+  if (!isStepChosen) step.value = next.step;
+  isStepChosen = true;
+});
+
+export function enterStep(name: StepName): void {
+  isStepChosen = true;
+  step.value = name;
+}

@@ -1,0 +1,47 @@
+// Short messages that disappear by themselves.
+import { signal } from "@preact/signals";
+import type { Problem } from "../protocol/messages";
+import { connection } from "./connection";
+import { select } from "./selection";
+
+export interface Toast {
+  id: number;
+  text: string;
+  isError: boolean;
+  action: ToastAction | null;
+}
+
+export interface ToastAction {
+  label: string;
+  run: () => void;
+}
+
+const MAX_TOASTS = 4;
+
+export const toasts = signal<readonly Toast[]>([]);
+
+let lastId = 0;
+
+/** Show a message; an equal one that is still shown is replaced. */
+export function showToast(text: string, action: ToastAction | null = null, isError = false): void {
+  const others = toasts.value.filter((toast) => toast.text !== text);
+  toasts.value = [...others, { id: ++lastId, text, isError, action }].slice(-MAX_TOASTS);
+}
+
+/** Show an error, with a button that selects the cord that is concerned. */
+export function showProblem(problem: Problem): void {
+  const { cord } = problem;
+  const action = cord
+    ? { label: `Select ${cord}`, run: () => select({ kind: "cord", name: cord }) }
+    : null;
+  showToast(problem.text, action, true);
+}
+
+export function dismissToast(id: number): void {
+  toasts.value = toasts.value.filter((toast) => toast.id !== id);
+}
+
+connection.listen("notice", ({ text, problem }) => {
+  if (problem) showProblem(problem);
+  else showToast(text);
+});

@@ -1,0 +1,6 @@
+// Registers the panels of all steps. A step that has none yet shows its state.
+import { STEPS } from "../state/step";
+import { StepOverview } from "./step-overview";
+import { registerStep } from "./registry";
+
+for (const name of STEPS) registerStep(name, { inspector: StepOverview });

@@ -1,0 +1,102 @@
+// Modal dialogs, and the question whether to do something.
+import { signal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
+import { useId, useLayoutEffect, useRef } from "preact/hooks";
+import { Button, IconButton } from "./button";
+
+interface DialogProps {
+  title: string;
+  children: ComponentChildren;
+  /** The buttons below; the first one gets the focus unless something has `autofocus`. */
+  actions?: ComponentChildren;
+  size?: "small" | "medium" | "large";
+  /** Whether the title is only read out. */
+  isTitleHidden?: boolean;
+  onClose: () => void;
+}
+
+/** A modal dialog that is open while it is mounted; Escape and the close button end it. */
+export function Dialog({ title, children, actions, size = "medium", isTitleHidden, onClose }: DialogProps) {
+  const dialog = useRef<HTMLDialogElement>(null);
+  const id = useId();
+  useLayoutEffect(() => {
+    const element = dialog.current!;
+    const focused = document.activeElement;
+    element.showModal();
+    return () => {
+      element.close();
+      if (focused instanceof HTMLElement && focused.isConnected) focused.focus();
+    };
+  }, []);
+  return (
+    <dialog
+      ref={dialog}
+      class={`dialog ${size}`}
+      aria-labelledby={id}
+      onCancel={(event) => {
+        event.preventDefault();
+        onClose();
+      }}
+      onPointerDown={(event) => {
+        if (event.target === dialog.current) onClose();
+      }}
+    >
+      <div class="dialog-frame">
+        <header class={isTitleHidden ? "visually-hidden" : "dialog-header"}>
+          <h2 id={id}>{title}</h2>
+          {!isTitleHidden && <IconButton icon="close" label="Close" onClick={onClose} />}
+        </header>
+        <div class="dialog-content">{children}</div>
+        {actions && <footer class="dialog-actions">{actions}</footer>}
+      </div>
+    </dialog>
+  );
+}
+
+interface Confirmation {
+  title: string;
+  text: string;
+  /** Label of the button that does it. */
+  action: string;
+  isDanger?: boolean;
+}
+
+const asked = signal<(Confirmation & { answer: (isConfirmed: boolean) => void }) | null>(null);
+
+/** Ask whether to do something, and return whether it is confirmed. */
+export function confirm(confirmation: Confirmation): Promise<boolean> {
+  asked.value?.answer(false);
+  return new Promise((resolve) => {
+    const answer = (isConfirmed: boolean) => {
+      asked.value = null;
+      resolve(isConfirmed);
+    };
+    asked.value = { ...confirmation, answer };
+  });
+}
+
+/** The layer that shows what `confirm` asks. */
+export function ConfirmLayer() {
+  const current = asked.value;
+  if (!current) return null;
+  const { title, text, action, isDanger, answer } = current;
+  return (
+    <Dialog
+      title={title}
+      size="small"
+      onClose={() => answer(false)}
+      actions={
+        <>
+          <Button onClick={() => answer(false)} autofocus>
+            Keep
+          </Button>
+          <Button variant={isDanger ? "danger" : "primary"} onClick={() => answer(true)}>
+            {action}
+          </Button>
+        </>
+      }
+    >
+      <p>{text}</p>
+    </Dialog>
+  );
+}

@@ -1,0 +1,89 @@
+// What all fields have in common: a label, an error below it, and a commit that may be refused.
+import type { ComponentChildren } from "preact";
+import { useId } from "preact/hooks";
+import type { Problem } from "../protocol/messages";
+import { attempt, useFieldProblem } from "../state/run";
+import { useSignal } from "@preact/signals";
+import { Icon } from "./icons";
+
+export interface FieldProps<T> {
+  label: string;
+  value: T;
+  /** Called with a valid value; a refusal of the promise is shown below the field. */
+  onCommit: (value: T) => Promise<unknown> | void;
+  /** Dotted key in `device.toml`, whose errors are shown below the field. */
+  field?: string;
+  /** One short sentence below the field. */
+  help?: string;
+  disabled?: boolean;
+}
+
+interface FieldState {
+  id: string;
+  error: string;
+  /** Identifiers of the texts that describe the control. */
+  describedBy: string | undefined;
+  setError: (text: string) => void;
+  /** Send a value that was typed as `text`; its refusal becomes the field's error. */
+  send: (request: Promise<unknown> | void, text: string) => Promise<void>;
+}
+
+/** The error of a field and its identifiers. */
+export function useField(label: string, key: string | undefined, help?: string): FieldState {
+  const id = useId();
+  const problem = useFieldProblem(key);
+  const own = useSignal("");
+  const error = own.value || (problem.value ? describe(problem.value, label) : "");
+  const setError = (text: string) => {
+    own.value = text;
+    problem.value = null;
+  };
+  const send = async (request: Promise<unknown> | void, text: string) => {
+    setError("");
+    if (request) await attempt(request, (refused) => setError(describe(refused, label, text)));
+  };
+  const describedBy = error ? `${id}-error` : help ? `${id}-help` : undefined;
+  return { id, error, describedBy, setError, send };
+}
+
+/** The message of a refusal that begins with the field's label and names what was typed. */
+function describe(problem: Problem, label: string, typed = ""): string {
+  const message = problem.message.replace(/\.$/, "");
+  const sentence = message.startsWith("Must ")
+    ? `${label} ${message[0]!.toLowerCase()}${message.slice(1)}`
+    : message;
+  return typed && !message.includes(typed) ? `${sentence}; you typed ${typed}` : sentence;
+}
+
+interface FrameProps {
+  state: FieldState;
+  label: ComponentChildren;
+  help?: string;
+  /** Whether the label stands before the control or above it. */
+  layout?: "row" | "stack";
+  children: ComponentChildren;
+}
+
+/** A label, a control, and its help or error. */
+export function FieldFrame({ state, label, help, layout = "row", children }: FrameProps) {
+  const { id, error } = state;
+  return (
+    <div class={`field ${layout} ${error ? "invalid" : ""}`}>
+      <label for={id} class="field-label">
+        {label}
+      </label>
+      <div class="field-control">{children}</div>
+      {error ? (
+        <p id={`${id}-error`} class="field-error" role="alert">
+          <Icon name="error" size={14} /> <span>{error}</span>
+        </p>
+      ) : (
+        help && (
+          <p id={`${id}-help`} class="field-help">
+            {help}
+          </p>
+        )
+      )}
+    </div>
+  );
+}

@@ -1,0 +1,95 @@
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { FieldFrame, type FieldProps, useField } from "./field";
+import { type Range, formatNumber, parseNumber, rangeError, stepped } from "./number";
+
+interface NumberFieldProps extends FieldProps<number>, Range {
+  unit?: string;
+  /** Change by an arrow key; ten times as much with Shift. */
+  step?: number;
+  layout?: "row" | "stack";
+}
+
+/**
+ * A number with its unit. Enter and leaving commit it, Escape restores it, arrow keys step it. A
+ * value that is not allowed is restored and named in the error below.
+ */
+export function NumberField(props: NumberFieldProps) {
+  const { label, value, onCommit, field, help, disabled, unit = "", step = 1, layout } = props;
+  const state = useField(label, field, help);
+  const typed = useSignal<string | null>(null);
+  /** What is shown until the answer to a commit. */
+  const sent = useSignal<string | null>(null);
+
+  useEffect(() => {
+    typed.value = null;
+  }, [value]);
+
+  const commit = async () => {
+    const text = typed.value;
+    if (text === null) return;
+    typed.value = null;
+    const number = parseNumber(text, unit);
+    const reason = number === null ? "must be a number" : rangeError(number, props, unit);
+    const named = text.trim() === "" ? "nothing" : text.trim();
+    if (number === null || reason) state.setError(`${label} ${reason}; you typed ${named}`);
+    else if (number === value) state.setError("");
+    else {
+      sent.value = text;
+      await state.send(onCommit(number), named);
+      sent.value = null;
+    }
+  };
+
+  const onKeyDown = (event: KeyboardEvent) => {
+    if (event.key === "Enter") void commit();
+    else if (event.key === "Escape" && typed.value !== null) {
+      event.preventDefault();
+      event.stopPropagation();
+      typed.value = null;
+      state.setError("");
+    } else if (event.key === "ArrowUp" || event.key === "ArrowDown") {
+      event.preventDefault();
+      const change = step * (event.shiftKey ? 10 : 1) * (event.key === "ArrowUp" ? 1 : -1);
+      const from = parseNumber(typed.value ?? "", unit) ?? value;
+      typed.value = formatNumber(stepped(from, change, props));
+    }
+  };
+
+  const onKeyUp = ({ key }: KeyboardEvent) => {
+    if (key === "ArrowUp" || key === "ArrowDown") void commit();
+  };
+
+  return (
+    <FieldFrame state={state} label={label} help={help} layout={layout}>
+      <span class="input-frame">
+        <input
+          id={state.id}
+          class="input number"
+          type="text"
+          inputMode="decimal"
+          autocomplete="off"
+          role="spinbutton"
+          aria-valuenow={value}
+          aria-valuetext={`${formatNumber(value)}${unit && ` ${unit}`}`}
+          aria-valuemin={props.min ?? props.above}
+          aria-valuemax={props.max}
+          aria-invalid={state.error ? true : undefined}
+          aria-describedby={state.describedBy}
+          disabled={disabled}
+          value={typed.value ?? sent.value ?? formatNumber(value)}
+          onInput={(event) => (typed.value = event.currentTarget.value)}
+          onFocus={(event) => event.currentTarget.select()}
+          onBlur={() => void commit()}
+          onKeyDown={onKeyDown}
+          onKeyUp={onKeyUp}
+        />
+        {unit && (
+          <span class="unit" aria-hidden="true">
+            {unit}
+          </span>
+        )}
+      </span>
+    </FieldFrame>
+  );
+}

@@ -1,0 +1,231 @@
+// A tree of named things with arrow keys, selection, renaming in place and icons at the right.
+import { useSignal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
+import { useRef } from "preact/hooks";
+import { panelState } from "../state/layout";
+import { IconButton } from "./button";
+import { Icon, type IconName } from "./icons";
+import { tooltip } from "./tooltip";
+
+export interface TreeNode {
+  id: string;
+  label: string;
+  icon?: IconName;
+  /** Color of a swatch, in place of an icon. */
+  color?: string;
+  /** Number at the right of a group. */
+  count?: number;
+  /** What is wrong with it; shown as a red mark. */
+  problem?: string;
+  isDimmed?: boolean;
+  isSelected?: boolean;
+  isHovered?: boolean;
+  buttons?: readonly TreeButton[];
+  children?: readonly TreeNode[];
+  onSelect?: (isAdded: boolean) => void;
+  onHover?: (isHovered: boolean) => void;
+  onRename?: (name: string) => void;
+  onDelete?: () => void;
+  onMenu?: (event: MouseEvent) => void;
+}
+
+export interface TreeButton {
+  icon: IconName;
+  label: string;
+  /** Whether it stays visible without the pointer on the row. */
+  isOn: boolean;
+  run: () => void;
+}
+
+interface Row {
+  node: TreeNode;
+  level: number;
+  parent: TreeNode | null;
+}
+
+interface TreeProps {
+  label: string;
+  nodes: readonly TreeNode[];
+  /** Identifier of the node whose name is edited. */
+  renaming: string | null;
+  onRenaming: (id: string | null) => void;
+}
+
+/** Whether a node that has children shows them. */
+const openState = (id: string) => panelState(`tree.${id}`);
+
+function visibleRows(nodes: readonly TreeNode[], level = 1, parent: TreeNode | null = null): Row[] {
+  return nodes.flatMap((node) => [
+    { node, level, parent },
+    ...(node.children && openState(node.id).value ? visibleRows(node.children, level + 1, node) : []),
+  ]);
+}
+
+export function Tree({ label, nodes, renaming, onRenaming }: TreeProps) {
+  const root = useRef<HTMLDivElement>(null);
+  const active = useSignal("");
+  const rows = visibleRows(nodes);
+  const activeId = rows.some(({ node }) => node.id === active.value) ? active.value : rows[0]?.node.id;
+
+  const focus = (row: Row | undefined) => {
+    if (!row) return;
+    active.value = row.node.id;
+    root.current?.querySelector<HTMLElement>(`[data-node="${CSS.escape(row.node.id)}"]`)?.focus();
+  };
+
+  const onKeyDown = (event: KeyboardEvent) => {
+    const target = event.target as HTMLElement;
+    const at = rows.findIndex(({ node }) => node.id === target.dataset["node"]);
+    const row = rows[at];
+    if (!row || event.ctrlKey || event.metaKey || event.altKey) return;
+    const { node, parent } = row;
+    const isOpen = node.children ? openState(node.id).value : null;
+    const keys: Record<string, () => void> = {
+      ArrowDown: () => focus(rows[at + 1]),
+      ArrowUp: () => focus(rows[at - 1]),
+      Home: () => focus(rows[0]),
+      End: () => focus(rows.at(-1)),
+      ArrowRight: () => {
+        if (isOpen === false) openState(node.id).value = true;
+        else if (isOpen) focus(rows[at + 1]);
+      },
+      ArrowLeft: () => {
+        if (isOpen) openState(node.id).value = false;
+        else focus(rows.find((other) => other.node === parent));
+      },
+      Enter: () => (node.onSelect ? node.onSelect(false) : toggle(node)),
+      " ": () => (node.onSelect ? node.onSelect(true) : toggle(node)),
+      ...(node.onRename ? { F2: () => onRenaming(node.id) } : {}),
+      ...(node.onDelete ? { Delete: node.onDelete } : {}),
+    };
+    const action = keys[event.key];
+    if (!action) return;
+    event.preventDefault();
+    action();
+  };
+
+  return (
+    <div ref={root} class="tree" role="tree" aria-label={label} aria-multiselectable="true" onKeyDown={onKeyDown}>
+      {rows.map((row) => (
+        <TreeRow
+          key={row.node.id}
+          {...row}
+          isActive={row.node.id === activeId}
+          isRenaming={renaming === row.node.id}
+          onActive={() => (active.value = row.node.id)}
+          onRenamed={(name) => {
+            onRenaming(null);
+            if (name && name !== row.node.label) row.node.onRename?.(name);
+            setTimeout(() => focus(row));
+          }}
+        />
+      ))}
+    </div>
+  );
+}
+
+function toggle(node: TreeNode): void {
+  const state = openState(node.id);
+  state.value = !state.value;
+}
+
+interface TreeRowProps extends Row {
+  isActive: boolean;
+  isRenaming: boolean;
+  onActive: () => void;
+  onRenamed: (name: string) => void;
+}
+
+function TreeRow({ node, level, isActive, isRenaming, onActive, onRenamed }: TreeRowProps) {
+  const { id, label, children, problem, buttons = [] } = node;
+  return (
+    <div
+      role="treeitem"
+      class={`tree-row ${node.isHovered ? "hovered" : ""} ${node.isDimmed ? "dimmed" : ""} ${children ? "group" : ""}`}
+      data-node={id}
+      tabIndex={isActive ? 0 : -1}
+      aria-label={problem ? `${label}: ${problem}` : label}
+      aria-level={level}
+      aria-expanded={children ? openState(id).value : undefined}
+      aria-selected={node.onSelect ? Boolean(node.isSelected) : undefined}
+      style={{ "--level": String(level) }}
+      onFocus={onActive}
+      onClick={(event) => {
+        if (node.onSelect) node.onSelect(event.ctrlKey || event.metaKey || event.shiftKey);
+        else toggle(node);
+      }}
+      onContextMenu={node.onMenu}
+      onPointerEnter={() => node.onHover?.(true)}
+      onPointerLeave={() => node.onHover?.(false)}
+    >
+      {children && (
+        <span class="tree-arrow">
+          <Icon name="chevronRight" size={14} />
+        </span>
+      )}
+      {node.color ? (
+        <span class="swatch" style={{ background: node.color }} />
+      ) : (
+        node.icon && <Icon name={node.icon} />
+      )}
+      {isRenaming ? (
+        <NameInput label={label} onDone={onRenamed} />
+      ) : (
+        <span class="tree-label">{label}</span>
+      )}
+      {node.count !== undefined && <span class="tree-count">{node.count}</span>}
+      <TreeButtons buttons={buttons} />
+      {problem && (
+        <span class="tree-problem" {...tooltip(problem)}>
+          <Icon name="warning" size={14} />
+        </span>
+      )}
+    </div>
+  );
+}
+
+function TreeButtons({ buttons }: { buttons: readonly TreeButton[] }): ComponentChildren {
+  return buttons.map(({ icon, label, isOn, run }) => (
+    <IconButton
+      key={label}
+      icon={icon}
+      label={label}
+      class={isOn ? "on" : ""}
+      tabIndex={-1}
+      onClick={(event) => {
+        event.stopPropagation();
+        run();
+      }}
+    />
+  ));
+}
+
+/** The field of a name that is edited in place; Escape and an empty name keep the old one. */
+function NameInput({ label, onDone }: { label: string; onDone: (name: string) => void }) {
+  const isDone = useRef(false);
+  const finish = (name: string) => {
+    if (!isDone.current) onDone(name.trim());
+    isDone.current = true;
+  };
+  return (
+    <input
+      class="input tree-input"
+      aria-label={`New name of ${label}`}
+      spellcheck={false}
+      autocomplete="off"
+      defaultValue={label}
+      ref={(input) => {
+        if (!input || document.activeElement === input) return;
+        input.focus();
+        input.select();
+      }}
+      onClick={(event) => event.stopPropagation()}
+      onBlur={(event) => finish(event.currentTarget.value)}
+      onKeyDown={(event) => {
+        event.stopPropagation();
+        if (event.key === "Enter") finish(event.currentTarget.value);
+        if (event.key === "Escape") finish("");
+      }}
+    />
+  );
+}

@@ -1,0 +1,62 @@
+"""The state of the steps, and what is next, follow from the device and its build."""
+
+import pytest
+
+from defsense_fab.studio.session.pipeline import Progress, next_action, pipeline
+
+STAGES = ("body", "mesh", "simulate", "optimize", "fabricate", "report")
+
+
+def progress(current=(), old=(), **values):
+    freshness = {s: "current" if s in current else "old" if s in old else "missing" for s in STAGES}
+    defaults = {
+        "has_body": True, "poses": 2, "cords": 2, "proposed": 0, "has_violations": False,
+        "noun": "cord", "has_model": False,
+    }  # fmt: skip
+    return Progress(freshness=freshness, **{**defaults, **values})
+
+
+def states(p):
+    return {step.name: step.state for step in pipeline(p).steps}
+
+
+@pytest.mark.parametrize(
+    ("p", "step", "stage"),
+    [
+        (progress(has_body=False), "body", None),
+        (progress(poses=0), "poses", None),
+        (progress(), "poses", "simulate"),
+        (progress(STAGES[:3], cords=0), "sensors", None),
+        (progress(STAGES[:3], cords=0, proposed=2), "optimize", "optimize"),
+        (progress(STAGES[:3], has_violations=True), "sensors", None),
+        (progress(STAGES[:3]), "optimize", "optimize"),
+        (progress(STAGES[:4]), "make", "report"),
+        (progress(STAGES), "measure", None),
+        (progress((), STAGES), "poses", "simulate"),
+        (progress(STAGES[:3], STAGES[3:]), "optimize", "optimize"),
+    ],
+)
+def test_next_action_is_the_first_that_is_missing(p, step, stage):
+    action = next_action(p)
+    assert (action.step, action.stage) == (step, stage)
+
+
+def test_new_device_has_everything_blocked_but_the_body():
+    found = states(progress(has_body=False, poses=0, cords=0))
+    assert found.pop("body") == "ready"
+    assert set(found.values()) == {"blocked"}
+
+
+def test_built_device_is_done():
+    assert set(states(progress(STAGES, has_model=True)).values()) == {"done"}
+
+
+def test_changed_body_makes_later_steps_stale():
+    found = states(progress((), STAGES))
+    assert {"body", "poses", "inside", "optimize", "make"} == {
+        name for name, state in found.items() if state == "stale"
+    }
+
+
+def test_broken_limit_makes_the_sensors_stale():
+    assert states(progress(STAGES[:3], has_violations=True))["sensors"] == "stale"

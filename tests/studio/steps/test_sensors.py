@@ -1,0 +1,177 @@
+"""Cords are drawn, dragged and edited; the expected error follows."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.errors import DeviceError, LayoutError
+from defsense_fab.studio.messages.sensors import Prediction
+from defsense_fab.studio.messages.shell import DeviceState, Pipeline
+from defsense_fab.workflow.device import load_device
+from tests.support.errors import raises
+
+LONG = 240.0
+
+
+def step(app):
+    return next(s for s in app.steps if type(s).__name__ == "SensorsStep")
+
+
+def prediction(app):
+    assert step(app).wait(LONG)
+    return app.server.events[Prediction]
+
+
+def cords(app):
+    return {cord.name: cord for cord in app.server.events[DeviceState].cords}
+
+
+def written(app):
+    return {s.name: s for s in load_device(app.session.project.folder).sensors}
+
+
+def test_drawn_cords_are_judged(app):
+    found = prediction(app)
+    assert found.is_ready
+    assert not found.is_computing
+    assert 0 < found.drawn.error < 20
+    names = list(cords(app))
+    assert [c.name for c in found.drawn.cords] == names
+    assert {p.pose for p in found.drawn.poses} == set(app.server.events[DeviceState].poses)
+    assert all(len(p.signals) == len(names) for p in found.drawn.poses)
+
+
+def test_drag_is_judged_and_written_at_its_end_only(app):
+    name, cord = next(iter(cords(app).items()))
+    before, text = prediction(app).drawn, app.session.project.text
+    x, y = cord.points[1]
+    moved = app.browser.ask("drag-point", cord=name, index=1, to=[x + 1.0, y + 2.0], snap=False)
+    assert moved.points[1] == [x + 1.0, y + 2.0]
+    assert moved.judgement.error != before.error
+    assert app.session.project.text == text
+    app.browser.ask("drag-point", cord=name, index=1, to=[x + 1.0, y + 2.0], snap=False, write=True)
+    np.testing.assert_allclose(written(app)[name].curve.points[1], [x + 1.0, y + 2.0], atol=1e-3)
+    assert prediction(app).drawn.error == pytest.approx(moved.judgement.error, rel=1e-3)
+    app.browser.ask("undo")
+    assert app.session.project.text == text
+
+
+def test_point_snaps_to_the_surface(app):
+    name, cord = next(iter(cords(app).items()))
+    outline = app.browser.ask("outline-of", origin=cord.origin, axes=cord.axes)
+    edge = np.array(outline.segments).reshape(-1, 2)
+    target = edge[np.abs(edge[:, 0]) == np.abs(edge[:, 0]).max()][0] + 0.4
+    moved = app.browser.ask("drag-point", cord=name, index=0, to=target.tolist())
+    assert moved.snapped_to
+    assert moved.points[0] != target.tolist()
+
+
+@pytest.mark.parametrize("to", [[1.0], [1.0, 2.0, 3.0], []])
+def test_point_needs_as_many_coordinates_as_its_path(app, to):
+    name = next(iter(cords(app)))
+    with raises(DeviceError, "invalid-point", cord=name):
+        app.browser.ask("drag-point", cord=name, index=1, to=to)
+
+
+def test_tangent_and_plane_are_dragged(app):
+    name, cord = next(iter(cords(app).items()))
+    app.browser.ask("drag-tangent", cord=name, index=1, to=[9.0, 3.0], write=True)
+    np.testing.assert_allclose(written(app)[name].curve.tangents[1], [9.0, 3.0], atol=1e-3)
+    assert not cords(app)[name].is_smooth
+    app.browser.ask("smooth-cord", cord=name)
+    assert cords(app)[name].is_smooth
+    origin = [cord.origin[0], cord.origin[1], cord.origin[2] + 2.0]
+    app.browser.ask("drag-plane", cord=name, origin=origin, axes=cord.axes, write=True)
+    np.testing.assert_allclose(written(app)[name].plane.origin, origin, atol=1e-3)
+    for axes in ([[1, 0, 0]], [[0, 0, 0]] * 3):
+        with raises(LayoutError, "invalid-plane"):
+            app.browser.ask("drag-plane", cord=name, origin=origin, axes=axes)
+
+
+def test_cords_are_added_copied_mirrored_renamed_and_deleted(app):
+    ask, before = app.browser.ask, set(cords(app))
+    straight = ask("add-straight").name
+    copy = ask("duplicate-cord", cord=straight).name
+    mirrored = ask("mirror-cord", cord=straight, axis="y").name
+    assert set(cords(app)) == before | {straight, copy, mirrored}
+    ask("rename-cord", cord=copy, name=" spine ")
+    assert "spine" in written(app)
+    ask("delete-cords", cords=[straight, mirrored, "spine"])
+    assert set(cords(app)) == before
+    ask("undo")  # one step brings all of them back
+    assert set(cords(app)) == before | {straight, mirrored, "spine"}
+    with raises(DeviceError, "not-in-device", name="gone"):
+        ask("delete-cords", cords=["gone"])
+
+
+def test_points_are_inserted_and_deleted(app):
+    name, cord = next(iter(cords(app).items()))
+    count = len(cord.points)
+    middle = ((np.array(cord.points[0]) + cord.points[1]) / 2).tolist()
+    app.browser.ask("insert-point", cord=name, before=1, at=middle)
+    assert len(written(app)[name].curve.points) == count + 1
+    app.browser.ask("delete-point", cord=name, index=1)
+    assert len(written(app)[name].curve.points) == count
+    with raises(DeviceError, "no-control-point"):
+        app.browser.ask("delete-point", cord=name, index=99)
+
+
+def test_cord_is_locked_and_freed(app):
+    name = next(iter(cords(app)))
+    app.browser.ask("set-freedoms", cord=name, free=["path"])
+    assert written(app)[name].free == {"path"}
+    app.browser.ask("set-freedoms", cord=name, free=[])
+    assert cords(app)[name].free == []
+
+
+def test_stroke_becomes_a_cord_and_replaces_a_path(app):
+    cord = next(iter(cords(app).values()))
+    outline = app.browser.ask("outline-of", origin=cord.origin, axes=cord.axes)
+    edge = np.array(outline.segments).reshape(-1, 2)
+    (left, low), (right, high) = edge.min(axis=0), edge.max(axis=0)
+    line = np.linspace([left + 1, (low + high) / 2 + 1], [right - 1, (low + high) / 2 + 1], 40)
+    plane = {"origin": cord.origin, "axes": cord.axes}
+    name = app.browser.ask("add-stroke", stroke=line.tolist(), **plane).name
+    assert name in written(app)
+    again = (line + np.array([0.0, 1.0])).tolist()
+    assert app.browser.ask("add-stroke", stroke=again, replaces=name, **plane).name == name
+    assert written(app)[name].curve.points[:, 1].mean() > (low + high) / 2 + 1.5
+    with raises(LayoutError, "stroke-too-short"):
+        app.browser.ask("add-stroke", stroke=[[0.0, 0.0]], **plane)
+    other = {"origin": cord.origin, "axes": [cord.axes[1], cord.axes[2], cord.axes[0]]}
+    with raises(LayoutError, "other-plane"):
+        app.browser.ask("add-stroke", stroke=line.tolist(), replaces=name, **other)
+
+
+def test_broken_limit_has_a_place_and_makes_the_step_stale(app):
+    name, cord = next(iter(cords(app).items()))
+    x, _ = cord.points[1]
+    app.browser.ask("drag-point", cord=name, index=1, to=[x, 400.0], snap=False, write=True)
+    found = prediction(app).drawn
+    violation = next(v for v in found.violations if name in v.cords)
+    assert len(violation.at) == 3
+    assert found.broken
+    status = {s.name: s.state for s in app.server.events[Pipeline].steps}
+    assert status["sensors"] == "stale"
+
+
+@pytest.mark.slow
+def test_proposed_cord_lowers_the_error(app):
+    before = prediction(app).drawn.error
+    app.browser.ask("propose")
+    assert prediction(app).drawn.error < before
+
+
+def test_two_cords_are_compared(app):
+    names = list(cords(app))
+    if len(names) < 2:
+        names.append(app.browser.ask("duplicate-cord", cord=names[0]).name)
+    found = app.browser.ask("compare-cords", first=names[0], second=names[1])
+    assert found.names == names[:2]
+    assert -1 <= found.correlation <= 1
+
+
+def test_built_error_is_told_apart_from_the_drawn_one(made_app):
+    found = prediction(made_app)
+    assert found.built > 0
+    made_app.browser.ask("add-straight")
+    assert not prediction(made_app).is_built_drawn
