@@ -7,34 +7,126 @@
 
 export interface Protocol {
   request:
+    | AddPose
+    | AddProposed
+    | AddPull
+    | AddRegion
     | AddStraight
     | AddStroke
     | Answer
     | CancelJob
     | CompareCords
+    | ConvertRegion
     | DeleteCords
     | DeletePoint
+    | DeletePoses
+    | DeletePull
+    | DeleteRegions
     | DragPlane
     | DragPoint
     | DragTangent
     | DuplicateCord
+    | DuplicatePose
+    | DuplicateRegion
+    | FitRegion
+    | FollowRamp
+    | HidePose
     | InsertPoint
     | MirrorCord
+    | MoveGrip
     | OutlineOf
     | PauseJob
     | Propose
+    | ProposePoses
     | Redo
     | RenameCord
     | RenameDevice
+    | RenamePose
+    | RenameRegion
     | Restore
     | ResumeJob
     | SetFreedoms
+    | SetGravity
+    | SetPivot
+    | SetPressure
+    | SetPull
+    | SetRegion
+    | SetRole
+    | SetShift
+    | SetSymmetry
+    | SetTurn
+    | ShiftRegion
+    | ShowPose
     | SmoothCord
     | StartBuild
+    | StateShape
+    | StopSolving
     | Undo
     | Upload;
-  event: DeviceState | Job | Notice | Page | Pipeline | Prediction | ProposalProgress | Question | Reply;
+  event:
+    | DeviceState
+    | Job
+    | Notice
+    | Page
+    | Pipeline
+    | PosePictures
+    | PoseShape
+    | PosesState
+    | Prediction
+    | ProposalProgress
+    | ProposedPoses
+    | Question
+    | Reply
+    | SimulatedStates;
   results: Results;
+}
+/**
+ * Add a pose that holds one region and turns another.
+ */
+export interface AddPose {
+  kind: "add-pose";
+  id: number;
+  [k: string]: unknown;
+}
+/**
+ * Add proposed poses.
+ *
+ *     Attributes:
+ *         poses: Their names.
+ *         has_states: Whether their mixed states are added as well.
+ */
+export interface AddProposed {
+  kind: "add-proposed";
+  id: number;
+  poses: string[];
+  hasStates: boolean;
+  [k: string]: unknown;
+}
+/**
+ * Pull at a point of the surface.
+ *
+ *     Attributes:
+ *         at: The point (3,) at rest, mm.
+ *         normal: Direction (3,) of the pull.
+ */
+export interface AddPull {
+  kind: "add-pull";
+  id: number;
+  pose: string;
+  at: number[];
+  normal: number[];
+  [k: string]: unknown;
+}
+/**
+ * Add a region at the middle of the body, or with given points and radius, mm.
+ */
+export interface AddRegion {
+  kind: "add-region";
+  id: number;
+  shape: "box" | "cylinder" | "half-space" | "sphere";
+  points: number[][] | null;
+  radius: number;
+  [k: string]: unknown;
 }
 /**
  * Add a straight cord along the middle of the body.
@@ -90,6 +182,15 @@ export interface CompareCords {
   [k: string]: unknown;
 }
 /**
+ * Replace a region by a box about its surface points.
+ */
+export interface ConvertRegion {
+  kind: "convert-region";
+  id: number;
+  region: string;
+  [k: string]: unknown;
+}
+/**
  * Delete cords.
  */
 export interface DeleteCords {
@@ -106,6 +207,34 @@ export interface DeletePoint {
   id: number;
   cord: string;
   index: number;
+  [k: string]: unknown;
+}
+/**
+ * Delete poses, and the mixed states that contain them.
+ */
+export interface DeletePoses {
+  kind: "delete-poses";
+  id: number;
+  poses: string[];
+  [k: string]: unknown;
+}
+/**
+ * Delete a pull.
+ */
+export interface DeletePull {
+  kind: "delete-pull";
+  id: number;
+  pose: string;
+  index: number;
+  [k: string]: unknown;
+}
+/**
+ * Delete regions that no pose uses.
+ */
+export interface DeleteRegions {
+  kind: "delete-regions";
+  id: number;
+  regions: string[];
   [k: string]: unknown;
 }
 /**
@@ -166,6 +295,60 @@ export interface DuplicateCord {
   [k: string]: unknown;
 }
 /**
+ * Add a copy of a pose.
+ */
+export interface DuplicatePose {
+  kind: "duplicate-pose";
+  id: number;
+  pose: string;
+  [k: string]: unknown;
+}
+/**
+ * Add a copy of a region, a little beside it.
+ */
+export interface DuplicateRegion {
+  kind: "duplicate-region";
+  id: number;
+  region: string;
+  [k: string]: unknown;
+}
+/**
+ * Fit a box about surface points.
+ *
+ *     Attributes:
+ *         region: The region that it replaces; empty for a new one.
+ *         low: Smallest coordinates (3,) of the points, mm.
+ *         high: Largest coordinates (3,), mm.
+ */
+export interface FitRegion {
+  kind: "fit-region";
+  id: number;
+  region: string;
+  low: number[];
+  high: number[];
+  [k: string]: unknown;
+}
+/**
+ * Solve a pose from rest along its ramp; answered by the arrays "pose-ramp".
+ *
+ *     Its frames (f, v, 3) mm are displacements at equal shares from rest to the fact `end`. The fact
+ *     `remark` is what there is to say; `isSimulated` is whether a build simulated them.
+ */
+export interface FollowRamp {
+  kind: "follow-ramp";
+  id: number;
+  pose: string;
+  [k: string]: unknown;
+}
+/**
+ * Stop to follow the pose that this browser shows.
+ */
+export interface HidePose {
+  kind: "hide-pose";
+  id: number;
+  [k: string]: unknown;
+}
+/**
  * Add a control point before the index `before`, at (2,) or (3,) mm.
  */
 export interface InsertPoint {
@@ -184,6 +367,27 @@ export interface MirrorCord {
   id: number;
   cord: string;
   axis: "x" | "y" | "z";
+  [k: string]: unknown;
+}
+/**
+ * Move a region or a pulled point of the shown pose, and solve the pose.
+ *
+ *     Attributes:
+ *         region: The moved region; empty for a pull.
+ *         pull: Index of the pull; -1 for a region.
+ *         position: Position (3,) of the region's center or of the pull's goal, mm.
+ *         rotation: Rotation vector (3,) of the region, rad.
+ *         write: Whether the drag has ended, and the pose is written.
+ */
+export interface MoveGrip {
+  kind: "move-grip";
+  id: number;
+  pose: string;
+  region: string;
+  pull: number;
+  position: number[];
+  rotation: number[];
+  write: boolean;
   [k: string]: unknown;
 }
 /**
@@ -210,6 +414,15 @@ export interface PauseJob {
 export interface Propose {
   kind: "propose";
   id: number;
+  [k: string]: unknown;
+}
+/**
+ * Search in the background for poses of the body that a region holds.
+ */
+export interface ProposePoses {
+  kind: "propose-poses";
+  id: number;
+  held: string;
   [k: string]: unknown;
 }
 /**
@@ -240,6 +453,26 @@ export interface RenameDevice {
   [k: string]: unknown;
 }
 /**
+ * Rename a pose, also in mixed states.
+ */
+export interface RenamePose {
+  kind: "rename-pose";
+  id: number;
+  pose: string;
+  name: string;
+  [k: string]: unknown;
+}
+/**
+ * Rename a region, also in poses.
+ */
+export interface RenameRegion {
+  kind: "rename-region";
+  id: number;
+  region: string;
+  name: string;
+  [k: string]: unknown;
+}
+/**
  * Replace a device file that cannot be read by the last valid one.
  */
 export interface Restore {
@@ -266,6 +499,137 @@ export interface SetFreedoms {
   [k: string]: unknown;
 }
 /**
+ * Set gravity (3,) in multiples of standard gravity; zero removes it.
+ */
+export interface SetGravity {
+  kind: "set-gravity";
+  id: number;
+  pose: string;
+  gravity: number[];
+  [k: string]: unknown;
+}
+/**
+ * Set the point (3,) mm about which a region turns; None for its center.
+ */
+export interface SetPivot {
+  kind: "set-pivot";
+  id: number;
+  pose: string;
+  region: string;
+  about: number[] | null;
+  [k: string]: unknown;
+}
+/**
+ * Set the pressure in a region, MPa; None removes it.
+ */
+export interface SetPressure {
+  kind: "set-pressure";
+  id: number;
+  pose: string;
+  region: string;
+  value: number | null;
+  [k: string]: unknown;
+}
+/**
+ * Change a pull; as `PullState`.
+ */
+export interface SetPull {
+  kind: "set-pull";
+  id: number;
+  pose: string;
+  index: number;
+  at: number[];
+  by: number[];
+  stiffness: number;
+  [k: string]: unknown;
+}
+/**
+ * Set the shape of a region; as `RegionState`.
+ */
+export interface SetRegion {
+  kind: "set-region";
+  id: number;
+  region: string;
+  shape: "box" | "cylinder" | "half-space" | "sphere";
+  points: number[][];
+  radius: number;
+  [k: string]: unknown;
+}
+/**
+ * Set what a pose does with a region.
+ *
+ *     Attributes:
+ *         center: Center (3,) of the region as shown, mm, where a region that is moved stays; None
+ *             for its place at rest.
+ */
+export interface SetRole {
+  kind: "set-role";
+  id: number;
+  pose: string;
+  region: string;
+  role: "free" | "held" | "moved" | "turned";
+  center: number[] | null;
+  [k: string]: unknown;
+}
+/**
+ * Set the translation (3,) mm of a region; None is free.
+ */
+export interface SetShift {
+  kind: "set-shift";
+  id: number;
+  pose: string;
+  region: string;
+  shift: (number | null)[];
+  [k: string]: unknown;
+}
+/**
+ * Keep a region in a plane with a normal (3,); None releases it.
+ */
+export interface SetSymmetry {
+  kind: "set-symmetry";
+  id: number;
+  pose: string;
+  region: string;
+  normal: number[] | null;
+  [k: string]: unknown;
+}
+/**
+ * Set how a pose turns a region.
+ */
+export interface SetTurn {
+  kind: "set-turn";
+  id: number;
+  pose: string;
+  region: string;
+  turn: "angle" | "free" | "hinge";
+  axis: number[];
+  degrees: number;
+  [k: string]: unknown;
+}
+/**
+ * Move a region by (3,) mm.
+ */
+export interface ShiftRegion {
+  kind: "shift-region";
+  id: number;
+  region: string;
+  by: number[];
+  [k: string]: unknown;
+}
+/**
+ * Solve a pose for this browser, and follow its changes until another pose is shown.
+ *
+ *     Attributes:
+ *         share: Share of the pose's ramp.
+ */
+export interface ShowPose {
+  kind: "show-pose";
+  id: number;
+  pose: string;
+  share: number;
+  [k: string]: unknown;
+}
+/**
  * Compute the tangents of a cord from its points.
  */
 export interface SmoothCord {
@@ -281,6 +645,23 @@ export interface StartBuild {
   kind: "start-build";
   id: number;
   stage: "mesh" | "optimize" | "report" | "simulate";
+  [k: string]: unknown;
+}
+/**
+ * Read a simulated state; answered by the arrays "state-shape" with displacements (v, 3) mm.
+ */
+export interface StateShape {
+  kind: "state-shape";
+  id: number;
+  state: string;
+  [k: string]: unknown;
+}
+/**
+ * Cancel the solver and keep the last shape.
+ */
+export interface StopSolving {
+  kind: "stop-solving";
+  id: number;
   [k: string]: unknown;
 }
 /**
@@ -472,6 +853,166 @@ export interface NextAction {
   [k: string]: unknown;
 }
 /**
+ * Whether shapes for small pictures of poses are being computed.
+ */
+export interface PosePictures {
+  kind: "pose-pictures";
+  isComputing: boolean;
+  [k: string]: unknown;
+}
+/**
+ * The shape that one browser shows; its arrays "pose-shape" were sent before.
+ *
+ *     Attributes:
+ *         pose: Name of the pose.
+ *         phase: "coarse" while the fine shape follows; "checked" as a build simulates it.
+ *         share: Share of the pose's ramp that was requested.
+ *         text: What is wrong; empty for nothing. Then the last shape stays.
+ *         centers: Centers (3,) mm of moved regions, by region; none for coarse shapes.
+ */
+export interface PoseShape {
+  kind: "pose-shape";
+  pose: string;
+  phase: "canceled" | "checked" | "coarse" | "failed" | "invalid" | "not-reached" | "solved" | "solving";
+  share: number;
+  text: string;
+  centers: {
+    [k: string]: number[];
+  };
+  [k: string]: unknown;
+}
+/**
+ * The regions and poses of the device.
+ *
+ *     Attributes:
+ *         mesh: Whether the body has a mesh, and whether it belongs to the present body.
+ *         size: Largest extent of the body, mm.
+ *         regions: The regions.
+ *         poses: The poses.
+ */
+export interface PosesState {
+  kind: "poses-state";
+  mesh: "current" | "missing" | "old";
+  size: number;
+  regions: RegionState[];
+  poses: PoseState[];
+  [k: string]: unknown;
+}
+/**
+ * A region of the device.
+ *
+ *     Attributes:
+ *         name: Name of the region.
+ *         color: Its color, "#rrggbb".
+ *         shape: Kind of the shape.
+ *         points: Corners of a box, center of a sphere, origin and normal of a half space, or start
+ *             and end of a cylinder, each (3,), mm.
+ *         radius: Radius of a sphere or cylinder, mm; 0 otherwise.
+ *         center: Middle (3,) of its surface points, mm.
+ *         count: Number of surface points; 0 while the body has no mesh.
+ *         problems: What is wrong with it.
+ *         poses: Names of the poses that use it.
+ */
+export interface RegionState {
+  name: string;
+  color: string;
+  shape: "box" | "cylinder" | "half-space" | "sphere";
+  points: number[][];
+  radius: number;
+  center: number[];
+  count: number;
+  problems: string[];
+  poses: string[];
+  [k: string]: unknown;
+}
+/**
+ * A pose of the device.
+ *
+ *     Attributes:
+ *         name: Name of the pose.
+ *         roles: What it does with each region, in the order of the regions.
+ *         handles: Regions that it moves.
+ *         pulls: Points that it pulls.
+ *         pressures: Pressures.
+ *         symmetry: Regions that stay in their plane.
+ *         gravity: Gravity (3,), in multiples of standard gravity.
+ *         picture: Digest of everything that its shape follows from.
+ *         warning: What is wrong with it, or None.
+ */
+export interface PoseState {
+  name: string;
+  roles: ("free" | "held" | "moved" | "turned")[];
+  handles: HandleState[];
+  pulls: PullState[];
+  pressures: PressureState[];
+  symmetry: SymmetryState[];
+  gravity: number[];
+  picture: string;
+  warning: PoseWarning | null;
+  [k: string]: unknown;
+}
+/**
+ * A region that a pose moves.
+ *
+ *     Attributes:
+ *         region: Name of the region.
+ *         turn: How it turns.
+ *         axis: Unit axis (3,) of the rotation.
+ *         degrees: The angle; 0 where it is free.
+ *         shift: Translation (3,) mm; None in free components.
+ *         about: Pivot (3,) mm; None for the region's center.
+ *         center: Point (3,) at rest about which it turns, mm.
+ */
+export interface HandleState {
+  region: string;
+  turn: "angle" | "free" | "hinge";
+  axis: number[];
+  degrees: number;
+  shift: (number | null)[];
+  about: number[] | null;
+  center: number[];
+  [k: string]: unknown;
+}
+/**
+ * A spring that pulls at a point (3,) mm by (3,) mm, with its stiffness, N/mm.
+ */
+export interface PullState {
+  at: number[];
+  by: number[];
+  stiffness: number;
+  [k: string]: unknown;
+}
+/**
+ * A pressure in a region, MPa; positive pushes inward.
+ */
+export interface PressureState {
+  region: string;
+  value: number;
+  [k: string]: unknown;
+}
+/**
+ * A region whose points stay in a plane with a normal (3,).
+ */
+export interface SymmetryState {
+  region: string;
+  normal: number[];
+  [k: string]: unknown;
+}
+/**
+ * What is wrong with a pose as it was solved last.
+ *
+ *     Attributes:
+ *         code: Stable identifier, such as "pose-not-reached".
+ *         text: What is wrong and what to do.
+ *         share: Share of the ramp that was reached.
+ */
+export interface PoseWarning {
+  code: string;
+  text: string;
+  share: number;
+  [k: string]: unknown;
+}
+/**
  * What is expected of the drawn cords and of those that were built.
  *
  *     Attributes:
@@ -574,6 +1115,33 @@ export interface ProposalProgress {
   [k: string]: unknown;
 }
 /**
+ * Poses of the last search; none before a search, or for another mesh.
+ *
+ *     Attributes:
+ *         held: Region that holds the body; empty before a search.
+ *         poses: The poses.
+ *         notes: Poses that were weakened or left out, and why.
+ */
+export interface ProposedPoses {
+  kind: "proposed-poses";
+  held: string;
+  poses: ProposedPose[];
+  notes: string[];
+  [k: string]: unknown;
+}
+/**
+ * A pose that follows a vibration mode.
+ *
+ *     Attributes:
+ *         name: Name that it is proposed with.
+ *         frequency: Frequency of the mode, Hz.
+ */
+export interface ProposedPose {
+  name: string;
+  frequency: number;
+  [k: string]: unknown;
+}
+/**
  * The question whether the body's script may run.
  *
  *     Attributes:
@@ -615,33 +1183,142 @@ export interface Reply {
   result: unknown;
   [k: string]: unknown;
 }
+/**
+ * The states of the last simulation.
+ *
+ *     Attributes:
+ *         is_current: Whether they belong to the present body and poses.
+ *         levels: Shares of each pose that are simulated.
+ *         states: The states; none before the simulation.
+ *         forces: Forces of each pose; none until they are known.
+ *         warnings: Warnings of the simulation.
+ */
+export interface SimulatedStates {
+  kind: "simulated-states";
+  isCurrent: boolean;
+  levels: number[];
+  states: SimulatedState[];
+  forces: PoseForces[];
+  warnings: string[];
+  [k: string]: unknown;
+}
+/**
+ * A state of the last simulation.
+ *
+ *     Attributes:
+ *         name: Name of the state, such as "bend@0.5".
+ *         weights: Amplitude of each pose.
+ *         is_held_out: Whether it is held out of the design.
+ *         problem: What the solver reports, unless it succeeded; empty if it did.
+ */
+export interface SimulatedState {
+  name: string;
+  weights: {
+    [k: string]: number;
+  };
+  isHeldOut: boolean;
+  problem: string;
+  [k: string]: unknown;
+}
+/**
+ * The forces that hold the device in a pose, at its largest state.
+ */
+export interface PoseForces {
+  pose: string;
+  state: string;
+  held: HeldForce[];
+  [k: string]: unknown;
+}
+/**
+ * The force at one place in the state that needs the most.
+ *
+ *     Attributes:
+ *         place: The moved region, or the point that is pulled.
+ *         push: Force along the movement, N.
+ *         torque: Moment, N m.
+ */
+export interface HeldForce {
+  place: string;
+  push: number;
+  torque: number;
+  [k: string]: unknown;
+}
 export interface Results {
+  "add-pose": PoseResult;
+  "add-proposed": PoseResult;
+  "add-pull": null;
+  "add-region": RegionResult;
   "add-straight": CordResult;
   "add-stroke": CordResult;
   answer: null;
   "cancel-job": null;
   "compare-cords": Comparison;
+  "convert-region": RegionResult;
   "delete-cords": null;
   "delete-point": null;
+  "delete-poses": null;
+  "delete-pull": null;
+  "delete-regions": null;
   "drag-plane": DragResult;
   "drag-point": DragResult;
   "drag-tangent": DragResult;
   "duplicate-cord": CordResult;
+  "duplicate-pose": PoseResult;
+  "duplicate-region": RegionResult;
+  "fit-region": RegionResult;
+  "follow-ramp": null;
+  "hide-pose": null;
   "insert-point": null;
   "mirror-cord": CordResult;
+  "move-grip": null;
   "outline-of": PlaneOutline;
   "pause-job": null;
   propose: CordResult;
+  "propose-poses": null;
   redo: null;
   "rename-cord": null;
   "rename-device": null;
+  "rename-pose": null;
+  "rename-region": null;
   restore: null;
   "resume-job": null;
   "set-freedoms": null;
+  "set-gravity": null;
+  "set-pivot": null;
+  "set-pressure": null;
+  "set-pull": null;
+  "set-region": RegionResult;
+  "set-role": null;
+  "set-shift": null;
+  "set-symmetry": null;
+  "set-turn": null;
+  "shift-region": null;
+  "show-pose": null;
   "smooth-cord": null;
   "start-build": null;
+  "state-shape": null;
+  "stop-solving": null;
   undo: null;
   upload: null;
+}
+/**
+ * The pose that was added.
+ */
+export interface PoseResult {
+  name: string;
+  [k: string]: unknown;
+}
+/**
+ * The region that was added or changed.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         count: Number of surface points that it holds.
+ */
+export interface RegionResult {
+  name: string;
+  count: number;
+  [k: string]: unknown;
 }
 /**
  * The cord that was added.
