@@ -229,9 +229,7 @@ def test_loads_are_added_changed_and_removed(bench):
     bench.ask(pose_edits.AddPull, **pose, at=[75, 0, 15], normal=[0, 0, 2.0])
     (pull,) = bench.pose("bend_up").pulls
     assert pull.by == [0, 0, pytest.approx(0.15 * bench.state.size)]
-    bench.ask(
-        pose_edits.SetPull, **pose, index=0, at=[75, 0, 15], by=[0, 0, 9], stiffness=0.4
-    )
+    bench.ask(pose_edits.SetPull, **pose, index=0, at=[75, 0, 15], by=[0, 0, 9], stiffness=0.4)
     assert bench.pose("bend_up").pulls == [
         poses.PullState(at=[75, 0, 15], by=[0, 0, 9], stiffness=0.4)
     ]
@@ -420,3 +418,16 @@ def test_the_queue_goes_on_after_the_mesh_is_gone(bench):
     assert bench.server.arrays["pose-body"].arrays == {}
     with raises(DefsenseError, "not-meshed"):
         bench.ask(poses.FollowRamp, pose="bend_up")
+
+
+def test_the_body_conforms_to_a_region_that_is_added(bench):
+    region = bench.ask(
+        pose_edits.AddRegion, shape="box", points=[[63.3, -16, -16], [91.7, 16, 16]]
+    ).name
+    bench.wait()
+    vertices = bench.server.arrays["pose-body"].arrays["vertices"]
+    assert np.abs(vertices[:, 0] - 63.3).min() < 1e-3
+    assert np.abs(vertices[:, 0] - 91.7).min() < 1e-3
+    assert bench.region(region).count == int(
+        bench.device.regions[region].contains(bench.step.points).sum()
+    )

@@ -52,7 +52,9 @@ class PosesStep(Step):
         self.surface: Surface | None = None
         self._mesh = ""  # key of the mesh that `surface` belongs to
         self._warnings: dict[str, messages.PoseWarning] = {}
-        self.shapes = ShapeWork(session, self._follow_solved, self._follow_warning)
+        self.shapes = ShapeWork(
+            session, self._follow_solved, self._follow_warning, self._follow_surface
+        )
         self.pictures = PictureWork(session, self.shapes.queue)
         self.proposals = Proposals(session, lambda: self.points)
         self._regions = RegionRequests(session, lambda: self.points)
@@ -129,15 +131,25 @@ class PosesStep(Step):
         self._mesh = key
         self.surface = None if preview is None else preview.surface
         self._warnings = {}
-        arrays = {} if self.surface is None else surface_arrays(self.surface)
-        self.session.server.publish_arrays(Arrays(name="pose-body", arrays=arrays))
+        self._publish_body()
         self.shapes.use(preview)
         self.pictures.use(has_body=preview is not None)
         self.proposals.follow_mesh()
         self._publish()
         self.pictures.refresh()
 
+    def _follow_surface(self, surface: Surface) -> None:
+        """Take the body after regions have changed; called on the thread of the solver."""
+        if self.surface is not None:
+            self.surface = surface
+            self._publish_body()
+            self._publish()
+
     # Events
+
+    def _publish_body(self) -> None:
+        arrays = {} if self.surface is None else surface_arrays(self.surface)
+        self.session.server.publish_arrays(Arrays(name="pose-body", arrays=arrays))
 
     def _publish(self) -> None:
         session, points = self.session, self.points
@@ -155,7 +167,7 @@ class PosesStep(Step):
     def _mesh_state(self) -> Literal["missing", "old", "current"]:
         if self.surface is None:
             return "missing"
-        return "old" if self.session.freshness.get("mesh") == "old" else "current"
+        return "old" if self.session.freshness.get("body") == "old" else "current"
 
     def _publish_states(self) -> None:
         session = self.session

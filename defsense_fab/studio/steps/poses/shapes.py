@@ -11,6 +11,7 @@ import numpy as np
 from ....core.arrays import Float
 from ....core.device.device import Device, Pose
 from ....core.errors import DefsenseError
+from ....core.mesh import Surface
 from ....workflow.design.pose_preview import PosePreview, PreviewedPose
 from ....workflow.design.pose_ramp import Ramp, follow_ramp, load_ramp, unreached_message
 from ....workflow.view import Arrays, Client, Problem
@@ -64,6 +65,8 @@ class ShapeWork:
         on_solved: Called with the digest of a pose that was solved as a build does, and its
             displacements (v, 3) mm.
         on_warning: Called with the digest of such a pose, and what is wrong with it, or None.
+        on_surface: Called with the body at rest after regions have changed, to which its mesh
+            conforms.
 
     Attributes:
         queue: The solver.
@@ -74,9 +77,12 @@ class ShapeWork:
         session: DeviceSession,
         on_solved: Callable[[str, Float], None],
         on_warning: Callable[[str, PoseWarning | None], None],
+        on_surface: Callable[[Surface], None],
     ) -> None:
         self._session = session
         self._on_solved, self._on_warning = on_solved, on_warning
+        self._on_surface = on_surface
+        self._regions = ""  # those that the surface conforms to
         self._shown: dict[Client, Shown] = {}
         self._full: dict[str, Float] = {}  # displacements (v, 3) mm of solved poses, by digest
         self.queue = PoseQueue(self._show_answer, self._follow_solved, self._show_error)
@@ -84,6 +90,7 @@ class ShapeWork:
     def use(self, preview: PosePreview | None) -> None:
         """Continue with the body of another build, or with none."""
         self._full.clear()
+        self._regions = repr(self._session.device.regions)
         self.queue.work.use(preview)
         for client, shown in tuple(self._shown.items()):
             shown.last_shape, shown.digest = None, ""
@@ -125,7 +132,13 @@ class ShapeWork:
         self.queue.drop(client)
 
     def follow_device(self) -> None:
-        """Solve the shown poses that have changed."""
+        """Conform the body to changed regions, and solve the shown poses that have changed."""
+        device, regions = self._session.device, repr(self._session.device.regions)
+        if regions != self._regions:
+            self._regions = regions
+            self.queue.give(
+                "regions", SolverTask(lambda preview, _: self._conform(preview, device))
+            )
         for client, shown in tuple(self._shown.items()):
             pose = self._find(shown.pose)
             if pose is None:
@@ -213,6 +226,10 @@ class ShapeWork:
         self.queue.give(client, request)
 
     # On the thread of the solver
+
+    def _conform(self, preview: PosePreview, device: Device) -> None:
+        preview.take(device)
+        self._on_surface(preview.surface)
 
     def _show_answer(self, request: PreviewRequest, answer: PreviewAnswer) -> None:
         assert isinstance(request, ClientRequest)

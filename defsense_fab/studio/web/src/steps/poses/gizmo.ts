@@ -29,7 +29,6 @@ export interface GizmoEvents {
 }
 
 const RING_PX = 86;
-const ARROW_PX = [26, 64] as const;
 const HEAD_PX = 12;
 const RING_POINTS = 72;
 const TITLE_GAP_PX = 8;
@@ -73,6 +72,8 @@ export class Gizmo {
   constructor(
     private readonly viewer: Viewer,
     private readonly events: GizmoEvents,
+    /** Where arrows begin and end, from the center. */
+    private readonly arrowPx: readonly [number, number] = [26, 64],
   ) {
     this.svg.setAttribute("class", "gizmo");
     this.sector.setAttribute("class", "gizmo-sector");
@@ -346,8 +347,8 @@ export class Gizmo {
 
   private arrangeArrow({ axis, front, back, hit }: Part, mm: number): void {
     const unit = UNITS[axis]!;
-    const from = this.viewer.project(this.center.clone().addScaledVector(unit, ARROW_PX[0] * mm));
-    const to = this.viewer.project(this.center.clone().addScaledVector(unit, ARROW_PX[1] * mm));
+    const from = this.viewer.project(this.center.clone().addScaledVector(unit, this.arrowPx[0] * mm));
+    const to = this.viewer.project(this.center.clone().addScaledVector(unit, this.arrowPx[1] * mm));
     const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
     const length = Math.hypot(dx, dy);
     const isHidden = length < 8;

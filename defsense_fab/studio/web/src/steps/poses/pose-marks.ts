@@ -48,11 +48,13 @@ function poseLabels(pose: PoseState): Label[] {
 }
 
 function regionLabels(): Label[] {
-  return regions.value.map(({ name, center, problems }) => ({
+  const edited = editedRegion.value?.name; // its handles are there
+  const shown = regions.value.filter(({ name, problems }) => name !== edited || problems.length);
+  return shown.map(({ name, center, problems }) => ({
     id: `region:${name}`,
     text: problems.length ? `${name}: ${problems[0]}` : name,
     at: center,
-    tone: problems.length ? "alarm" : editedRegion.value?.name === name ? "accent" : "plain",
+    tone: problems.length ? "alarm" : "plain",
     priority: problems.length ? 2 : 1,
     onClick: () => select({ kind: "region", name }),
   }));

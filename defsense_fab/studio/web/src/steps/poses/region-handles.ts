@@ -9,13 +9,15 @@ import type { Viewer } from "../../scene/viewer";
 import { connection } from "../../state/connection";
 import { run } from "../../state/run";
 import { draggedRegion } from "./display";
-import { Gizmo } from "./gizmo";
+import { Gizmo, type GizmoEvents } from "./gizmo";
 import { type RegionShape, outline, shapeGrips, shifted } from "./region-geometry";
 import { plain } from "./rotations";
 import { editedRegion, posesState } from "./state";
 
 const STEP_MM = 0.5;
 const LARGE_STEPS = 10;
+/** Where arrows begin and end: outside of the handles of small regions. */
+const ARROWS_PX = [58, 104] as const;
 
 /** Write the shape of a region. */
 export async function writeRegion(region: string, shape: RegionShape): Promise<void> {
@@ -55,7 +57,7 @@ export function showRegionHandles(viewer: Viewer): () => void {
     if (draggedRegion.peek() === dragged) draggedRegion.value = null;
   };
 
-  const gizmo = new Gizmo(viewer, {
+  const events: GizmoEvents = {
     onTurn: () => undefined,
     onShift: (by) => {
       const region = start ?? editedRegion.peek();
@@ -69,7 +71,8 @@ export function showRegionHandles(viewer: Viewer): () => void {
       if (region) void run(connection.send("shift-region", { region: region.name, by }));
     },
     describe: () => "",
-  });
+  };
+  const gizmo = new Gizmo(viewer, events, ARROWS_PX);
 
   const shown = (): { region: RegionState; shape: RegionShape } | null => {
     const region = editedRegion.value;

@@ -46,7 +46,7 @@ export function rotationText(rotation: Vector3): string {
   const main = unit.findIndex((value) => Math.abs(value) > 0.99985);
   const degrees = (angle * 180) / Math.PI;
   if (main >= 0) return `${signedDegrees(degrees * Math.sign(unit[main]!))} about ${"xyz"[main]}`;
-  return `${signedDegrees(degrees)} about (${unit.map((v) => v.toFixed(2)).join(", ")})`;
+  return `${signedDegrees(degrees)} about (${unit.map((v) => v.toFixed(2).replace("-", "\u2212")).join(", ")})`;
 }
 
 /** An angle with at most one decimal and a real minus sign, such as "−30°". */

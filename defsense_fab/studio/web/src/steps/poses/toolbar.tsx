@@ -3,7 +3,7 @@ import { MenuButton } from "../../ui/menu";
 import { runCommand } from "../../commands";
 import { addPose, addRegion, SHAPES } from "./commands";
 import { startRectangle } from "./rectangle";
-import { isMeshed, regions, sceneTool, shownPose } from "./state";
+import { editedRegion, grip, isMeshed, regions, sceneTool, shownPose } from "./state";
 
 /** The tools of the step, over the scene. */
 export function PosesToolbar() {
@@ -55,10 +55,13 @@ export function PosesToolbar() {
 
 /** What to do with the chosen tool; over the scene. */
 export function PosesLegend() {
-  const texts = {
-    view: "Drag a ring to turn, an arrow to move. Ctrl: finer, Shift: coarser",
-    rectangle: "Drag a rectangle over the body. Esc: stop",
-    pull: "Click the point of the body to pull at. Esc: stop",
-  };
-  return <p class="poses-hint">{texts[sceneTool.value]}</p>;
+  return <p class="poses-hint">{hint()}</p>;
+}
+
+function hint(): string {
+  if (sceneTool.value === "rectangle") return "Drag a rectangle over the body. Esc: stop";
+  if (sceneTool.value === "pull") return "Click the point of the body to pull at. Esc: stop";
+  if (editedRegion.value) return "Drag a dot to change the size, an arrow to move";
+  if (grip.value) return "Drag a ring to turn, an arrow to move. Ctrl: finer, Shift: coarser";
+  return isMeshed.value ? "Shift and drag over the body: add a region" : "";
 }
