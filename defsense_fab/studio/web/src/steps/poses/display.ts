@@ -4,6 +4,8 @@ import type { NumberArray } from "../../protocol/connection";
 import type { Viewer } from "../../scene/viewer";
 import { areCordsShown } from "../../scene/stage";
 import { connection } from "../../state/connection";
+import { isDark } from "../../state/theme";
+import { sceneColors } from "../../scene/theme";
 import { attempt } from "../../state/run";
 import { showToast } from "../../state/toasts";
 import { hovered } from "../../state/selection";
@@ -74,8 +76,8 @@ export function showPosedBody(viewer: Viewer): () => void {
     }),
     effect(() => {
       const rest = meshedBody.value?.arrays["vertices"];
-      const shapes = coloredRegions(rest);
-      colored.color(shapes);
+      void isDark.value;
+      colored.color(coloredRegions(rest, sceneColors().body));
       viewer.refresh();
     }),
     effect(() => {
@@ -101,15 +103,24 @@ export function showPosedBody(viewer: Viewer): () => void {
   };
 }
 
-function coloredRegions(rest: NumberArray | undefined): ColoredRegion[] {
+function coloredRegions(rest: NumberArray | undefined, bodyColor: string): ColoredRegion[] {
   if (!rest) return [];
   const dragged = draggedRegion.value;
   const lit = hovered.value?.kind === "region" ? hovered.value.name : (editedRegion.value?.name ?? "");
-  return regions.value.map((region) => {
+  const pose = shownPose.value;
+  const isUsed = (index: number) => !pose || pose.roles[index] !== "free";
+  const shown = regions.value.map((region, index) => {
     const shape = dragged?.name === region.name ? dragged.shape : region;
-    const color = region.name === lit ? lighter(region.color) : region.color;
-    return { color, inside: verticesInside(shape, rest) };
+    const color = isUsed(index) ? region.color : mixed(region.color, bodyColor, 0.65);
+    const isFirst = isUsed(index) || region.name === lit;
+    return {
+      isFirst,
+      color: region.name === lit ? mixed(color, "#ffffff", 0.35) : color,
+      inside: verticesInside(shape, rest),
+    };
   });
+  // A face in two regions has the color of the one that the pose uses.
+  return [...shown.filter(({ isFirst }) => isFirst), ...shown.filter(({ isFirst }) => !isFirst)];
 }
 
 function currentVertices(): NumberArray | null {
@@ -135,10 +146,11 @@ function added(rest: NumberArray, moved: NumberArray): Float32Array {
   return sum;
 }
 
-function lighter(color: string): string {
-  const mixed = [1, 3, 5].map((at) => {
-    const value = parseInt(color.slice(at, at + 2), 16);
-    return Math.round(value + 0.35 * (255 - value));
+/** A color "#rrggbb" with a share of another one. */
+function mixed(color: string, other: string, part: number): string {
+  const channels = [1, 3, 5].map((at) => {
+    const [from, to] = [color, other].map((text) => parseInt(text.slice(at, at + 2), 16)) as [number, number];
+    return Math.round(from + part * (to - from));
   });
-  return `#${mixed.map((value) => value.toString(16).padStart(2, "0")).join("")}`;
+  return `#${channels.map((value) => value.toString(16).padStart(2, "0")).join("")}`;
 }

@@ -28,7 +28,9 @@ export interface GizmoEvents {
   describe(): string;
 }
 
+/** Radius of the rings, and the share of a small scene that it may take. */
 const RING_PX = 86;
+const RING_SHARE = 0.2;
 const HEAD_PX = 12;
 const RING_POINTS = 72;
 const TITLE_GAP_PX = 8;
@@ -253,6 +255,11 @@ export class Gizmo {
 
   // Geometry
 
+  /** Factor by which the gizmo is smaller in a small scene, such as that of a phone. */
+  private get scale(): number {
+    return Math.min(1, (RING_SHARE * Math.min(this.viewer.width, this.viewer.height)) / RING_PX);
+  }
+
   /** The angle around a ring, or the way along an arrow, at a pixel. */
   private valueAt(part: Part, center: Vector3, [x, y]: [number, number]): number | null {
     const axis = UNITS[part.axis]!;
@@ -278,18 +285,19 @@ export class Gizmo {
   private flatAngle(axis: Vector3, center: Vector3, [x, y]: [number, number]): number {
     const view = this.viewer.rig.camera.getWorldDirection(new Vector3()).negate();
     const motion = axis.clone().cross(view).normalize();
-    const size = RING_PX * this.viewer.rig.mmPerPixel(center);
+    const radius = RING_PX * this.scale;
+    const size = radius * this.viewer.rig.mmPerPixel(center);
     const [cx, cy] = this.viewer.project(center);
     const [mx, my] = this.viewer.project(center.clone().addScaledVector(motion, size));
     const length = Math.hypot(mx - cx, my - cy) || 1;
-    return ((x - cx) * (mx - cx) + (y - cy) * (my - cy)) / length / RING_PX;
+    return ((x - cx) * (mx - cx) + (y - cy) * (my - cy)) / length / radius;
   }
 
   private arrange(): void {
     if (!this.place) return;
     if (this.drag) this.center.copy(this.drag.center);
     else this.center.fromArray(this.place.center);
-    const mm = this.viewer.rig.mmPerPixel(this.center);
+    const mm = this.scale * this.viewer.rig.mmPerPixel(this.center);
     this.arrangeTitle();
     for (const part of this.parts) {
       if (part.kind === "ring") this.arrangeRing(part, mm);
@@ -301,8 +309,9 @@ export class Gizmo {
     const [x, y] = this.viewer.project(this.center);
     const { offsetWidth: width, offsetHeight: height } = this.title;
     const left = Math.min(Math.max(x - width / 2, TITLE_GAP_PX), this.viewer.width - width - TITLE_GAP_PX);
-    const above = y - RING_PX - TITLE_GAP_PX - height;
-    const top = above > TITLE_GAP_PX ? above : y + RING_PX + TITLE_GAP_PX;
+    const radius = RING_PX * this.scale;
+    const above = y - radius - TITLE_GAP_PX - height;
+    const top = above > TITLE_GAP_PX ? above : y + radius + TITLE_GAP_PX;
     this.title.style.transform = `translate(${Math.round(left)}px, ${Math.round(top)}px)`;
   }
 

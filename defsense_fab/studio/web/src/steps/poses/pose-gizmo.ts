@@ -8,8 +8,8 @@ import { run } from "../../state/run";
 import { Gizmo } from "./gizmo";
 import { LatestRequest } from "./latest-request";
 import { handleRotation, plain, rotationText, turned } from "./rotations";
-import { setShare } from "./ramp";
-import { centers, findPose, type Grip, grip, isMeshed, shownPose, shownProposal } from "./state";
+import { setShare, share } from "./ramp";
+import { centers, findPose, type Grip, grip, isMeshed, shownPose, shownProposal, shownState } from "./state";
 
 /** Time after the last press of a key at which its turns are written as one edit. */
 const KEY_PAUSE_MS = 600;
@@ -147,7 +147,8 @@ export function showPoseGizmo(viewer: Viewer): () => void {
   });
   const place = () => {
     const [pose, chosen] = [shownPose.value, grip.value];
-    const isShown = isMeshed.value && !shownProposal.value;
+    const isWhole = share.value === 1 && !shownProposal.value && !shownState.value;
+    const isShown = isMeshed.value && isWhole;
     const base = pose && chosen && isShown ? motionOf(pose, chosen) : null;
     if (!base || !pose || !chosen) {
       gizmo.show(null);

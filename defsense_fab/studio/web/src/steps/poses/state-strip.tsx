@@ -1,4 +1,5 @@
 // The states below the scene: rest, each pose with its picture, and a slider from rest to the pose.
+import { useEffect, useRef } from "preact/hooks";
 import { device } from "../../state/connection";
 import { clearSelection, isSelected, select } from "../../state/selection";
 import { IconButton } from "../../ui/button";
@@ -49,8 +50,13 @@ interface PoseCardProps {
 }
 
 function PoseCard({ name, label, problem, isChosen, onChoose, onMenu }: PoseCardProps) {
+  const card = useRef<HTMLButtonElement>(null);
+  useEffect(() => {
+    if (isChosen) card.current?.scrollIntoView({ block: "nearest", inline: "nearest" });
+  }, [isChosen]);
   return (
     <button
+      ref={card}
       type="button"
       class="pose-card"
       aria-pressed={isChosen}
