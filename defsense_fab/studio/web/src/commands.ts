@@ -11,6 +11,8 @@ export interface Command {
   group: string;
   /** Key, such as "Mod+Shift+Z", "Delete" or "?"; Mod is Ctrl, or Command on a Mac. */
   shortcut?: string;
+  /** A second key, which is not listed. */
+  otherShortcut?: string;
   /** Whether its key works while somebody types. */
   worksInFields?: boolean;
   /** Whether it can run now. */
@@ -86,9 +88,8 @@ function onKeyDown(event: KeyboardEvent): void {
   const isTaken = needsKey(target, event.key);
   const found = commands.value.find(
     (command) =>
-      command.shortcut &&
       (!isTaken || command.worksInFields) &&
-      matches(event, command.shortcut) &&
+      [command.shortcut, command.otherShortcut].some((key) => key && matches(event, key)) &&
       isAvailable(command),
   );
   if (!found) return;

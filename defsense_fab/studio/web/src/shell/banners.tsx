@@ -18,7 +18,9 @@ export function Banners() {
         <div class="banner danger" role="alert">
           <Icon name="error" />
           <p>{problem.text}</p>
-          <Button onClick={() => void run(connection.send("restore", {}))}>Restore the last valid file</Button>
+          <Button onClick={() => void run(connection.send("restore", {}))}>
+            Restore the last valid file
+          </Button>
         </div>
       )}
     </div>

@@ -2,13 +2,16 @@ import { isBottomPanelOpen } from "../state/layout";
 import { step } from "../state/step";
 import { stepPanels } from "../steps/registry";
 import { IconButton } from "../ui/button";
+import { Section } from "../ui/section";
+
+const DEFAULT_TITLE = "States";
 
 /** The entered step's panel below the scene, if it has one. */
 export function BottomPanel() {
   const panels = stepPanels(step.value);
   if (!panels?.bottom) return null;
   const isOpen = isBottomPanelOpen.value;
-  const title = panels.bottomTitle ?? "States";
+  const title = panels.bottomTitle ?? DEFAULT_TITLE;
   return (
     <section class={`bottom-panel ${isOpen ? "" : "closed"}`} aria-label={title}>
       <header class="panel-header">
@@ -27,5 +30,16 @@ export function BottomPanel() {
         </div>
       )}
     </section>
+  );
+}
+
+/** The same panel as a section of a phone's sheet. */
+export function BottomSection() {
+  const panels = stepPanels(step.value);
+  if (!panels?.bottom) return null;
+  return (
+    <Section title={panels.bottomTitle ?? DEFAULT_TITLE} name="bottom">
+      <panels.bottom />
+    </Section>
   );
 }

@@ -18,7 +18,11 @@ export function BrokenPage() {
       <p>
         The page continues when the file is corrected in <code>{folder}</code>, with any editor.
       </p>
-      <Button variant="primary" icon="undo" onClick={() => void run(connection.send("restore", {}))}>
+      <Button
+        variant="primary"
+        icon="undo"
+        onClick={() => void run(connection.send("restore", {}))}
+      >
         Restore the last valid file
       </Button>
     </main>

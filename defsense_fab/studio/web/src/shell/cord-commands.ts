@@ -4,7 +4,7 @@ import { connection, device } from "../state/connection";
 import { isLeftPanelOpen } from "../state/layout";
 import { renaming } from "../state/renaming";
 import { run } from "../state/run";
-import { isHidden, select, selectedNames, toggleHidden } from "../state/selection";
+import { select, selectedNames } from "../state/selection";
 import { showToast } from "../state/toasts";
 import { type MenuEntry, commandEntry } from "../ui/menu";
 
@@ -28,7 +28,12 @@ export async function deleteCords(names: readonly string[]): Promise<void> {
   const answer = await run(connection.send("delete-cords", { cords: [...names] }));
   if (answer === undefined) return;
   const text = names.length === 1 ? `Deleted ${names[0]}` : `Deleted ${names.length} cords`;
-  showToast(text, { label: "Undo", run: () => void run(connection.send("undo", {})) });
+  const name = device.peek()?.undoName;
+  const undo = () => {
+    if (device.peek()?.undoName === name) void run(connection.send("undo", {}));
+    else showToast("Other edits followed; undo them first.");
+  };
+  showToast(text, { label: "Undo", run: undo });
 }
 
 async function duplicate(name: string): Promise<void> {
@@ -89,22 +94,11 @@ export const cordCommands = (): readonly Command[] => [
     },
   },
   {
-    id: "cord.hide",
-    label: "Hide or show",
-    group: "Cords",
-    shortcut: "H",
-    when: hasSome,
-    run: () => {
-      const items = selectedCords().map((name) => ({ kind: "cord" as const, name }));
-      const areHidden = items.every(isHidden);
-      for (const item of items) if (isHidden(item) === areHidden) toggleHidden(item);
-    },
-  },
-  {
     id: "cord.delete",
     label: "Delete",
     group: "Cords",
     shortcut: "Delete",
+    otherShortcut: "Backspace",
     when: hasSome,
     run: () => void deleteCords(selectedCords()),
   },
@@ -118,7 +112,7 @@ export function cordMenu(): MenuEntry[] {
     ...AXES.flatMap((axis) => commandEntry(`cord.mirror-${axis}`, "mirror")),
     "separator",
     ...commandEntry("cord.lock", "lock"),
-    ...commandEntry("cord.hide", "eye"),
+    ...commandEntry("hide", "eye"),
     "separator",
     ...commandEntry("cord.delete", "trash", true),
   ];

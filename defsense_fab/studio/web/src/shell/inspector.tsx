@@ -2,18 +2,21 @@ import { isPhone, sheet } from "../state/layout";
 import { STEP_LABELS, step } from "../state/step";
 import { stepPanels } from "../steps/registry";
 import { IconButton } from "../ui/button";
+import { BottomSection } from "./bottom-panel";
 import { NextButton } from "./next-button";
 
 /** The entered step's inspector: at the right, or in a sheet below the scene on a phone. */
 export function Inspector() {
-  const panels = stepPanels(step.value);
-  const Content = panels?.inspector;
+  const Content = stepPanels(step.value)?.inspector;
   return (
-    <aside class={`inspector ${isPhone.value ? `sheet ${sheet.value}` : ""}`} aria-label={STEP_LABELS[step.value]}>
+    <aside
+      class={`inspector ${isPhone.value ? `sheet ${sheet.value}` : ""}`}
+      aria-label={STEP_LABELS[step.value]}
+    >
       {isPhone.value && <SheetHeader />}
       <div class="inspector-content" hidden={isPhone.value && sheet.value === "closed"}>
         {Content && <Content />}
-        {isPhone.value && panels?.bottom && <panels.bottom />}
+        {isPhone.value && <BottomSection />}
       </div>
     </aside>
   );

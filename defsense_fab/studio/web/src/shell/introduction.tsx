@@ -6,12 +6,17 @@ import { Button, IconButton } from "../ui/button";
 
 const TEXTS: Record<StepName, string> = {
   body: "The body is the soft object that deforms. Choose its shape and size here, or load a file of your own.",
-  poses: "Poses are the deformations that the device is to sense: where it is held, and where it is pulled, bent or twisted.",
-  inside: "Simulated poses show how much each place inside the body stretches. Cut the body anywhere to see where a sensor has something to measure.",
-  sensors: "Draw conductive cords through the body, or let the studio propose them. The expected error follows while you drag.",
-  optimize: "A search improves the cords and compares layouts with few and many parts. Choose the one you like.",
+  poses:
+    "Poses are the deformations that the device is to sense: where it is held, and where it is pulled, bent or twisted.",
+  inside:
+    "Simulated poses show how much each place inside the body stretches. Cut the body anywhere to see where a sensor has something to measure.",
+  sensors:
+    "Draw conductive cords through the body, or let the studio propose them. The expected error follows while you drag.",
+  optimize:
+    "A search improves the cords and compares layouts with few and many parts. Choose the one you like.",
   make: "Print the molds, cut the cords and follow the guide to cast the body and to insert the cords.",
-  measure: "Record a few minutes with the finished device, train its model, and see it move on the screen.",
+  measure:
+    "Record a few minutes with the finished device, train its model, and see it move on the screen.",
 };
 
 const wasOffered = storedSignal("introduction", false, isBoolean);
@@ -34,7 +39,7 @@ function close(): void {
   position.value = null;
 }
 
-/** The card of the walk; the page stays usable beside it. */
+/** The card of the walk; the rest of the page stays usable. */
 export function Introduction() {
   const at = position.value;
   if (at === null) return null;
@@ -51,7 +56,9 @@ export function Introduction() {
         <IconButton icon="close" label="Close the introduction" onClick={close} />
       </header>
       <p aria-live="polite">
-        {name ? TEXTS[name] : "A walk through the seven steps takes five minutes. You find it in the menu later, too."}
+        {name
+          ? TEXTS[name]
+          : "A walk through the seven steps takes five minutes. You find it in the menu later, too."}
       </p>
       {name ? (
         <footer>

@@ -39,6 +39,7 @@ async function cancel(title: string): Promise<void> {
       title: "Cancel the job?",
       text: `“${title}” has run for more than a minute. Completed stages are kept.`,
       action: "Cancel the job",
+      refusal: "Keep it running",
       isDanger: true,
     }));
   if (isConfirmed) await run(connection.send("cancel-job", {}));

@@ -6,28 +6,41 @@ import { run } from "../state/run";
 import {
   BODY,
   type Item,
+  type ItemKind,
   followRename,
   hovered,
   isHidden,
   isHovered,
   isSelected,
   select,
+  selectedNames,
   toggleHidden,
 } from "../state/selection";
-import type { IconName } from "../ui/icons";
+import { STEP_LABELS, type StepName, enterStep } from "../state/step";
 import { IconButton } from "../ui/button";
-import { openContextMenuFor } from "../ui/menu";
+import type { IconName } from "../ui/icons";
+import { commandEntry, openContextMenuFor } from "../ui/menu";
 import { Tree, type TreeNode } from "../ui/tree";
 import { cordMenu, deleteCords, isLocked, setLocked } from "./cord-commands";
 
 /** The tree of all that the device consists of. */
 export function LeftPanel() {
   return (
-    <aside class="left-panel" aria-label="Device">
+    <aside
+      class="left-panel"
+      aria-label="Device"
+      onKeyDown={(event) => {
+        if (event.key === "Escape" && isDrawerOpen.value) isDrawerOpen.value = false;
+      }}
+    >
       {isPhone.value && (
         <header class="panel-header">
           <h2>Device</h2>
-          <IconButton icon="close" label="Close the list" onClick={() => (isDrawerOpen.value = false)} />
+          <IconButton
+            icon="close"
+            label="Close the list"
+            onClick={() => (isDrawerOpen.value = false)}
+          />
         </header>
       )}
       <Tree
@@ -45,8 +58,12 @@ function nodes(): TreeNode[] {
   const sensors = `${noun[0]!.toUpperCase()}${noun.slice(1)}s`;
   return [
     { ...itemNode(BODY, "make"), label: "Body", buttons: [eye(BODY, "body")] },
-    group("regions", "Regions", regions.map((name) => itemNode({ kind: "region", name }, "region"))),
-    group("poses", "Poses", poses.map((name) => itemNode({ kind: "pose", name }, "pose"))),
+    group("regions", "Regions", regions.map(regionNode)),
+    group(
+      "poses",
+      "Poses",
+      poses.map((name) => itemNode({ kind: "pose", name }, "pose")),
+    ),
     group("cords", sensors, cords.map(cordNode)),
   ];
 }
@@ -55,7 +72,17 @@ function group(id: string, label: string, children: TreeNode[]): TreeNode {
   return { id, label, children, count: children.length };
 }
 
+/** The step where items of a kind are edited. */
+const STEP_OF_KIND: Record<ItemKind, StepName> = {
+  cord: "sensors",
+  pose: "poses",
+  region: "poses",
+  part: "body",
+};
+
 function itemNode(item: Item, icon: IconName): TreeNode {
+  const home = STEP_OF_KIND[item.kind];
+  const open = () => enterStep(home);
   return {
     id: `${item.kind}:${item.name}`,
     label: item.name,
@@ -65,7 +92,21 @@ function itemNode(item: Item, icon: IconName): TreeNode {
     isDimmed: isHidden(item),
     onSelect: (isAdded) => select(item, isAdded),
     onHover: (isOver) => (hovered.value = isOver ? item : null),
+    onOpen: open,
+    onMenu: (event) => {
+      if (!isSelected(item)) select(item);
+      const label = `Open in ${STEP_LABELS[home]}`;
+      openContextMenuFor(event, `Actions for ${item.name}`, [
+        { id: "open", label, icon: "arrowRight", run: open },
+        ...(item.kind === "pose" ? [] : commandEntry("hide", "eye")),
+      ]);
+    },
   };
+}
+
+function regionNode(name: string): TreeNode {
+  const item: Item = { kind: "region", name };
+  return { ...itemNode(item, "region"), buttons: [eye(item, name)] };
 }
 
 function eye(item: Item, label: string) {
@@ -98,7 +139,7 @@ function cordNode({ name, color, free }: CordState): TreeNode {
       const answer = await run(connection.send("rename-cord", { cord: name, name: to }));
       if (answer !== undefined) followRename(item, to);
     },
-    onDelete: () => void deleteCords([name]),
+    onDelete: () => void deleteCords(isSelected(item) ? selectedNames("cord") : [name]),
     onMenu: (event) => {
       if (!isSelected(item)) select(item);
       openContextMenuFor(event, `Actions for ${name}`, cordMenu());

@@ -3,7 +3,7 @@ import { run } from "../state/run";
 import { enterStep } from "../state/step";
 import { Button } from "../ui/button";
 
-/** Do what comes next: build up to a stage, or enter the step where it is done. */
+/** Do the next action: build up to a stage, or enter a step. */
 export function doNext(): void {
   const next = pipeline.value?.next;
   if (!next || (next.stage && isJobActive.value)) return;
@@ -11,7 +11,7 @@ export function doNext(): void {
   if (next.stage) void run(connection.send("start-build", { stage: next.stage }));
 }
 
-/** The button of what comes next. */
+/** The button of the next action. */
 export function NextButton({ variant = "primary" }: { variant?: "primary" | "plain" }) {
   const next = pipeline.value?.next;
   if (!next?.label) return null;

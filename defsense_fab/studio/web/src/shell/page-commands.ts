@@ -3,12 +3,15 @@ import type { Command } from "../commands";
 import { connection, device, isJobActive, job } from "../state/connection";
 import { isBottomPanelOpen, isLeftPanelOpen } from "../state/layout";
 import { run } from "../state/run";
-import { clearSelection, select, selection } from "../state/selection";
+import { clearSelection, isHidden, select, selection, toggleHidden } from "../state/selection";
 import { STEPS, STEP_LABELS, enterStep, showAllDevices } from "../state/step";
 import { isDark, theme } from "../state/theme";
 import { isKeyHelpOpen, isPaletteOpen } from "../ui/command-palette";
 import { startIntroduction } from "./introduction";
 import { doNext } from "./next-button";
+
+/** Selected items that the scene shows, and that can be hidden there. */
+const visibleItems = () => selection.value.filter(({ kind }) => kind !== "pose");
 
 export const pageCommands = (): readonly Command[] => [
   {
@@ -24,6 +27,7 @@ export const pageCommands = (): readonly Command[] => [
     label: "Redo",
     group: "Edit",
     shortcut: "Mod+Shift+Z",
+    otherShortcut: "Mod+Y",
     when: () => Boolean(device.value?.redoName),
     run: () => void run(connection.send("redo", {})),
   },
@@ -45,6 +49,18 @@ export const pageCommands = (): readonly Command[] => [
     when: () => selection.value.length > 0,
     run: clearSelection,
   },
+  {
+    id: "hide",
+    label: "Hide or show the selection",
+    group: "View",
+    shortcut: "H",
+    when: () => visibleItems().length > 0,
+    run: () => {
+      const items = visibleItems();
+      const areHidden = items.every(isHidden);
+      for (const item of items) if (isHidden(item) === areHidden) toggleHidden(item);
+    },
+  },
   ...STEPS.map((name, index) => ({
     id: `step.${name}`,
     label: `Go to ${STEP_LABELS[name]}`,
@@ -52,7 +68,7 @@ export const pageCommands = (): readonly Command[] => [
     shortcut: String(index + 1),
     run: () => enterStep(name),
   })),
-  { id: "next", label: "Do what comes next", group: "Steps", shortcut: "Mod+Enter", run: doNext },
+  { id: "next", label: "Do the next action", group: "Steps", shortcut: "Mod+Enter", run: doNext },
   {
     id: "pause",
     label: "Pause or resume the job",

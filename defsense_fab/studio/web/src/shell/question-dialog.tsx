@@ -6,9 +6,11 @@ import { run } from "../state/run";
 import { Button } from "../ui/button";
 import { Dialog } from "../ui/dialog";
 
-// Characters that change how a text reads without being seen: controls but tab and line feed,
-// formats such as those of writing direction, separators, and spaces that look like a space.
-const UNSEEN = /[\p{Cc}\p{Cf}\p{Co}\p{Cn}\p{Zl}\p{Zp}\u034f\u115f\u1160\u2800\u3164\uffa0\ufe00-\ufe0f]|(?! )\p{Zs}/gu;
+// Characters that change how a text reads without being seen: controls, formats such as those of
+// the writing direction, variation selectors, fillers, and spaces other than the usual one.
+const UNSEEN =
+  /[\p{C}\p{Zl}\p{Zp}\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\uffa0\ufe00-\ufe0f\u{e0100}-\u{e01ef}]|(?! )\p{Zs}/gu;
+const USUAL = /^(?:[\n\t]|\r(?=\n))/;
 
 /** A text in pieces; each character that is not seen is a piece of its own, as \uXXXX. */
 export function revealUnseen(text: string): { text: string; isUnseen: boolean }[] {
@@ -16,7 +18,7 @@ export function revealUnseen(text: string): { text: string; isUnseen: boolean }[
   let end = 0;
   for (const match of text.matchAll(UNSEEN)) {
     const [character] = match;
-    if (character === "\n" || character === "\t") continue;
+    if (USUAL.test(text.slice(match.index, match.index + 2))) continue;
     if (match.index > end) pieces.push({ text: text.slice(end, match.index), isUnseen: false });
     const code = character.codePointAt(0)!.toString(16).toUpperCase().padStart(4, "0");
     pieces.push({ text: code.length > 4 ? `\\u{${code}}` : `\\u${code}`, isUnseen: true });
@@ -27,10 +29,10 @@ export function revealUnseen(text: string): { text: string; isUnseen: boolean }[
 }
 
 export function QuestionDialog() {
-  const asked = question.value;
-  if (!asked?.path) return null;
+  const pending = question.value;
+  if (!pending?.path) return null;
   const answer = (isAllowed: boolean) => void run(connection.send("answer", { run: isAllowed }));
-  const isPlural = asked.files.length > 1;
+  const isPlural = pending.files.length > 1;
   return (
     <Dialog
       title="Run the script of this device?"
@@ -48,11 +50,14 @@ export function QuestionDialog() {
       }
     >
       <p>
-        The body is made by <code><Revealed text={asked.path} /></code>. A script can read, change and
-        send all your files. Run it only if you know who wrote it.
-        {isPlural && ` It would run the code of these ${asked.files.length} files:`}
+        The body is made by{" "}
+        <code>
+          <Revealed text={pending.path} />
+        </code>
+        . A script can read, change and send all your files. Run it only if you know who wrote it.
+        {isPlural && ` It would run the code of these ${pending.files.length} files:`}
       </p>
-      {asked.files.map((file) => (
+      {pending.files.map((file) => (
         <Script key={file.name} file={file} />
       ))}
     </Dialog>
@@ -68,7 +73,9 @@ function Script({ file: { name, text, size } }: { file: ScriptFile }) {
           <Revealed text={name} />
         </code>
         <span>{size.toLocaleString("en")} bytes</span>
-        {count > 0 && <span class="script-warning">{count} hidden characters, shown as \uXXXX</span>}
+        {count > 0 && (
+          <span class="script-warning">{count} hidden characters, shown as \uXXXX</span>
+        )}
       </figcaption>
       {text || size === 0 ? (
         <pre tabIndex={0} aria-label={`Code of ${name}`}>
@@ -85,7 +92,11 @@ function Revealed({ text }: { text: string }) {
   return (
     <>
       {revealUnseen(text).map((piece, index) =>
-        piece.isUnseen ? <mark key={index}>{piece.text}</mark> : <Fragment key={index}>{piece.text}</Fragment>,
+        piece.isUnseen ? (
+          <mark key={index}>{piece.text}</mark>
+        ) : (
+          <Fragment key={index}>{piece.text}</Fragment>
+        ),
       )}
     </>
   );

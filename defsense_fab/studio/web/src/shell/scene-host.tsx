@@ -1,4 +1,20 @@
-/** The place of the 3D scene. */
+import { useEffect, useRef } from "preact/hooks";
+import { openStage, viewer } from "../scene/stage";
+import { ViewTools } from "../scene/view-tools";
+import { step } from "../state/step";
+import { stepPanels } from "../steps/registry";
+
+/** The 3D scene, with what the entered step shows in it. */
 export function SceneHost() {
-  return <div class="scene-host" />;
+  const host = useRef<HTMLDivElement>(null);
+  useEffect(() => openStage(host.current!), []);
+  const shown = viewer.value;
+  const scene = stepPanels(step.value)?.scene;
+  useEffect(() => (shown && scene ? scene(shown) : undefined), [shown, scene]);
+  return (
+    <>
+      <div class="scene-host" ref={host} />
+      {shown && <ViewTools viewer={shown} />}
+    </>
+  );
 }

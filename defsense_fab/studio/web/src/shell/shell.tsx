@@ -13,7 +13,7 @@ import { TopBar } from "./top-bar";
 
 /** The page of a device. */
 export function Shell() {
-  useCommands(() => [...pageCommands(), ...cordCommands()]);
+  useCommands(() => [...cordCommands(), ...pageCommands()]);
   const panels = stepPanels(step.value);
   const isTreeOpen = isPhone.value ? isDrawerOpen.value : isLeftPanelOpen.value;
   return (

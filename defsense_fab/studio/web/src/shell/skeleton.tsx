@@ -9,7 +9,9 @@ export function Skeleton() {
         <i />
         <i />
       </div>
-      <div class="skeleton-scene" />
+      <div class="skeleton-scene">
+        <p>Waiting for the studio ...</p>
+      </div>
       <div class="skeleton-panel">
         <i />
         <i />

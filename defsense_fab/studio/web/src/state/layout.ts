@@ -3,6 +3,7 @@ import { type Signal, signal } from "@preact/signals";
 import { isBoolean, storedSignal } from "./storage";
 
 const PHONE = "(max-width: 700px)"; // as in styles/phone.css
+const WIDE_PX = 1000; // at which both side panels leave room for the scene
 
 const panels = new Map<string, Signal<boolean>>();
 
@@ -13,7 +14,7 @@ export function panelState(name: string, isOpen = true): Signal<boolean> {
   return state;
 }
 
-export const isLeftPanelOpen = panelState("left");
+export const isLeftPanelOpen = panelState("left", innerWidth > WIDE_PX);
 export const isBottomPanelOpen = panelState("bottom");
 
 /** Whether the drawer with the tree is open; only on a phone. */

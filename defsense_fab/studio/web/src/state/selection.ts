@@ -1,4 +1,4 @@
-// What is selected, hovered and hidden in this browser.
+// The selected, hovered and hidden items of this browser.
 import { effect, signal } from "@preact/signals";
 import { device } from "./connection";
 
@@ -58,7 +58,7 @@ export function followRename(item: Item, name: string): void {
   hidden.value = follow(hidden.value);
 }
 
-// Items that the device no longer has are not selected any more. A new name arrives with the
+// Items that the device no longer has are neither selected nor hidden any more. A new name arrives with the
 // device before the answer to the request does, so that this waits for the answer.
 effect(() => {
   const state = device.value;
@@ -71,7 +71,9 @@ effect(() => {
   const exists = ({ kind, name }: Item) => kind === "part" || names[kind].has(name);
   setTimeout(() => {
     if (device.value !== state) return;
-    if (!selection.peek().every(exists)) selection.value = selection.peek().filter(exists);
+    for (const items of [selection, hidden]) {
+      if (!items.peek().every(exists)) items.value = items.peek().filter(exists);
+    }
     if (hovered.peek() && !exists(hovered.peek()!)) hovered.value = null;
   }, 200);
 });

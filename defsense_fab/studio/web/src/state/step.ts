@@ -49,23 +49,24 @@ export function showDevice(): void {
   isStartWanted.value = false;
 }
 
-// A device that is opened is shown, at the step that is next to do.
+// A device that is opened is shown at the step of the last visit, or else at the next action.
 let folder: string | null = null;
+let isStepChosen = false;
 connection.listen("page", (event) => {
-  if (event.screen !== "start" && event.folder !== folder) {
-    isStartWanted.value = false;
-    isStepChosen = false;
-    folder = event.folder;
-  }
+  if (event.screen === "start" || event.folder === folder) return;
+  folder = event.folder;
+  isStartWanted.value = false;
+  const visited = sessionStorage.getItem(`step:${folder}`) as StepName;
+  isStepChosen = STEPS.includes(visited);
+  if (isStepChosen) step.value = visited;
 });
 
-let isStepChosen = false;
 connection.listen("pipeline", ({ next }) => {
-  if (!isStepChosen) step.value = next.step;
-  isStepChosen = true;
+  if (!isStepChosen) enterStep(next.step);
 });
 
 export function enterStep(name: StepName): void {
   isStepChosen = true;
   step.value = name;
+  sessionStorage.setItem(`step:${folder ?? ""}`, name);
 }

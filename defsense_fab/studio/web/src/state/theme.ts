@@ -13,7 +13,7 @@ const query = matchMedia("(prefers-color-scheme: dark)");
 const isSystemDark = signal(query.matches);
 query.addEventListener("change", () => (isSystemDark.value = query.matches));
 
-/** Whether the page is dark, for what style sheets do not reach, such as the scene. */
+/** Whether the page is dark; for the scene, which style sheets do not reach. */
 export const isDark = computed(() =>
   theme.value === "system" ? isSystemDark.value : theme.value === "dark",
 );

@@ -1,10 +1,11 @@
 // The panels of each step; a step's folder registers its own.
 import { signal } from "@preact/signals";
 import type { ComponentType } from "preact";
+import type { Viewer } from "../scene/viewer";
 import type { StepName } from "../state/step";
 
 export interface StepPanels {
-  /** What is selected, at the right; below the scene on a phone. */
+  /** Inspector of the selection, at the right; below the scene on a phone. */
   inspector: ComponentType;
   /** Tools that float at the top of the scene. */
   toolbar?: ComponentType;
@@ -13,6 +14,8 @@ export interface StepPanels {
   /** Panel below the scene, and its title. */
   bottom?: ComponentType;
   bottomTitle?: string;
+  /** Show the step's things in the scene; return a function that removes them. */
+  scene?: (viewer: Viewer) => () => void;
   /** Shown in place of the scene, at its full size. */
   stage?: ComponentType;
 }

@@ -4,7 +4,7 @@ import { NextButton } from "../shell/next-button";
 import { STEP_ICONS } from "../shell/step-marks";
 import { EmptyState } from "../ui/feedback";
 
-/** What a step shows before it has panels: its state, and what to do next. */
+/** The inspector of a step without panels: its state and the next action. */
 export function StepOverview() {
   const status = stepStatus.value;
   const isNext = pipeline.value?.next.step === step.value;

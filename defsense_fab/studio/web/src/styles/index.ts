@@ -4,5 +4,7 @@ import "./controls.css";
 import "./fields.css";
 import "./overlays.css";
 import "./shell.css";
+import "./top-bar.css";
+import "./screens.css";
 import "./tree.css";
 import "./phone.css";

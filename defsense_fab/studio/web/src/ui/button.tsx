@@ -8,7 +8,7 @@ type Attributes = Omit<JSX.IntrinsicElements["button"], "icon" | "onClick" | "re
 interface Common {
   onClick?: (event: MouseEvent) => void;
   disabled?: boolean;
-  /** What it does, or why it is disabled. */
+  /** Effect of the button, or the reason why it is disabled. */
   hint?: string;
   shortcut?: string;
 }

@@ -9,6 +9,8 @@ import { Keys } from "./tooltip";
 export const isPaletteOpen = signal(false);
 export const isKeyHelpOpen = signal(false);
 
+const LAST_GROUPS = ["Steps", "View", "Help"];
+
 /** How well a command fits a query: lower is better, null for not at all. */
 function fit({ label, group }: Command, query: string): number | null {
   const text = `${label} ${group}`.toLowerCase();
@@ -66,7 +68,7 @@ function OpenPalette() {
   };
 
   return (
-    <Dialog title="Commands" isTitleHidden onClose={close}>
+    <Dialog title="Commands" isTitleHidden closesOutside onClose={close}>
       <div class="palette">
         <div class="palette-search">
           <Icon name="search" />
@@ -115,9 +117,16 @@ function OpenPalette() {
 export function KeyHelp() {
   if (!isKeyHelpOpen.value) return null;
   const withKeys = commands.value.filter(({ shortcut }) => shortcut);
-  const groups = [...new Set(withKeys.map(({ group }) => group))];
+  const groups = [...new Set(withKeys.map(({ group }) => group))].sort(
+    (a, b) => LAST_GROUPS.indexOf(a) - LAST_GROUPS.indexOf(b),
+  );
   return (
-    <Dialog title="Keyboard shortcuts" size="large" onClose={() => (isKeyHelpOpen.value = false)}>
+    <Dialog
+      title="Keyboard shortcuts"
+      size="large"
+      closesOutside
+      onClose={() => (isKeyHelpOpen.value = false)}
+    >
       <div class="key-groups">
         {groups.map((group) => (
           <table key={group} class="key-table">

@@ -7,16 +7,27 @@ import { Button, IconButton } from "./button";
 interface DialogProps {
   title: string;
   children: ComponentChildren;
-  /** The buttons below; the first one gets the focus unless something has `autofocus`. */
+  /** Buttons below the content; one with `autofocus` gets the focus. */
   actions?: ComponentChildren;
   size?: "small" | "medium" | "large";
-  /** Whether the title is only read out. */
+  /** Whether only screen readers get the title. */
   isTitleHidden?: boolean;
+  /** Whether a click outside closes it. */
+  closesOutside?: boolean;
   onClose: () => void;
 }
 
 /** A modal dialog that is open while it is mounted; Escape and the close button end it. */
-export function Dialog({ title, children, actions, size = "medium", isTitleHidden, onClose }: DialogProps) {
+export function Dialog(props: DialogProps) {
+  const {
+    title,
+    children,
+    actions,
+    size = "medium",
+    isTitleHidden,
+    closesOutside,
+    onClose,
+  } = props;
   const dialog = useRef<HTMLDialogElement>(null);
   const id = useId();
   useLayoutEffect(() => {
@@ -38,7 +49,7 @@ export function Dialog({ title, children, actions, size = "medium", isTitleHidde
         onClose();
       }}
       onPointerDown={(event) => {
-        if (event.target === dialog.current) onClose();
+        if (closesOutside && event.target === dialog.current) onClose();
       }}
     >
       <div class="dialog-frame">
@@ -58,28 +69,30 @@ interface Confirmation {
   text: string;
   /** Label of the button that does it. */
   action: string;
+  /** Label of the button that does not. */
+  refusal?: string;
   isDanger?: boolean;
 }
 
-const asked = signal<(Confirmation & { answer: (isConfirmed: boolean) => void }) | null>(null);
+const pending = signal<(Confirmation & { answer: (isConfirmed: boolean) => void }) | null>(null);
 
 /** Ask whether to do something, and return whether it is confirmed. */
 export function confirm(confirmation: Confirmation): Promise<boolean> {
-  asked.value?.answer(false);
+  pending.value?.answer(false);
   return new Promise((resolve) => {
     const answer = (isConfirmed: boolean) => {
-      asked.value = null;
+      pending.value = null;
       resolve(isConfirmed);
     };
-    asked.value = { ...confirmation, answer };
+    pending.value = { ...confirmation, answer };
   });
 }
 
-/** The layer that shows what `confirm` asks. */
+/** The layer of the question of `confirm`. */
 export function ConfirmLayer() {
-  const current = asked.value;
+  const current = pending.value;
   if (!current) return null;
-  const { title, text, action, isDanger, answer } = current;
+  const { title, text, action, refusal = "Cancel", isDanger, answer } = current;
   return (
     <Dialog
       title={title}
@@ -88,7 +101,7 @@ export function ConfirmLayer() {
       actions={
         <>
           <Button onClick={() => answer(false)} autofocus>
-            Keep
+            {refusal}
           </Button>
           <Button variant={isDanger ? "danger" : "primary"} onClick={() => answer(true)}>
             {action}

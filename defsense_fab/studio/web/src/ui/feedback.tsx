@@ -1,4 +1,4 @@
-// What the page reports: progress, messages, empty places and what is loading.
+// Progress, messages and empty places.
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { type Toast, dismissToast, toasts } from "../state/toasts";
@@ -14,7 +14,7 @@ interface ProgressBarProps {
   share: number | null;
 }
 
-/** A bar of how much is completed. */
+/** A bar of the completed share. */
 export function ProgressBar({ label, share }: ProgressBarProps) {
   const percent = share === null ? undefined : Math.round(share * 100);
   return (
@@ -90,13 +90,13 @@ function ToastCard({ toast: { id, text, isError, action } }: { toast: Toast }) {
 
 interface EmptyStateProps {
   icon: IconName;
-  /** One sentence: what is missing, and why. */
+  /** One sentence with the missing thing and the reason. */
   text: string;
-  /** One button that fills the place. */
+  /** One button. */
   action?: ComponentChildren;
 }
 
-/** What a place shows while it has nothing to show. */
+/** A panel without content, and a button that adds some. */
 export function EmptyState({ icon, text, action }: EmptyStateProps) {
   return (
     <div class="empty-state">

@@ -1,9 +1,9 @@
-// What all fields have in common: a label, an error below it, and a commit that may be refused.
-import type { ComponentChildren } from "preact";
+// The common parts of all fields: label, help, error, and a commit that may be refused.
+import { useSignal } from "@preact/signals";
+import type { ComponentChildren, JSX } from "preact";
 import { useId } from "preact/hooks";
 import type { Problem } from "../protocol/messages";
 import { attempt, useFieldProblem } from "../state/run";
-import { useSignal } from "@preact/signals";
 import { Icon } from "./icons";
 
 export interface FieldProps<T> {
@@ -24,8 +24,8 @@ interface FieldState {
   /** Identifiers of the texts that describe the control. */
   describedBy: string | undefined;
   setError: (text: string) => void;
-  /** Send a value that was typed as `text`; its refusal becomes the field's error. */
-  send: (request: Promise<unknown> | void, text: string) => Promise<void>;
+  /** Wait for a value that was typed as `text`; its refusal becomes the field's error. */
+  send: (request: Promise<unknown> | void, text?: string) => Promise<void>;
 }
 
 /** The error of a field and its identifiers. */
@@ -38,7 +38,7 @@ export function useField(label: string, key: string | undefined, help?: string):
     own.value = text;
     problem.value = null;
   };
-  const send = async (request: Promise<unknown> | void, text: string) => {
+  const send = async (request: Promise<unknown> | void, text = "") => {
     setError("");
     if (request) await attempt(request, (refused) => setError(describe(refused, label, text)));
   };
@@ -46,7 +46,7 @@ export function useField(label: string, key: string | undefined, help?: string):
   return { id, error, describedBy, setError, send };
 }
 
-/** The message of a refusal that begins with the field's label and names what was typed. */
+/** The message of a refusal, with the field's label and the typed text. */
 function describe(problem: Problem, label: string, typed = ""): string {
   const message = problem.message.replace(/\.$/, "");
   const sentence = message.startsWith("Must ")
@@ -55,21 +55,29 @@ function describe(problem: Problem, label: string, typed = ""): string {
   return typed && !message.includes(typed) ? `${sentence}; you typed ${typed}` : sentence;
 }
 
+type LabelHandlers = Pick<
+  JSX.IntrinsicElements["label"],
+  "onPointerDown" | "onPointerMove" | "onPointerUp" | "onPointerCancel" | "onClick"
+>;
+
 interface FrameProps {
   state: FieldState;
   label: ComponentChildren;
   help?: string;
-  /** Whether the label stands before the control or above it. */
+  /** Whether the label is left of the control or above it. */
   layout?: "row" | "stack";
+  /** Handlers of a label that can be dragged. */
+  labelHandlers?: LabelHandlers;
   children: ComponentChildren;
 }
 
 /** A label, a control, and its help or error. */
-export function FieldFrame({ state, label, help, layout = "row", children }: FrameProps) {
+export function FieldFrame(props: FrameProps) {
+  const { state, label, help, layout = "row", labelHandlers, children } = props;
   const { id, error } = state;
   return (
     <div class={`field ${layout} ${error ? "invalid" : ""}`}>
-      <label for={id} class="field-label">
+      <label for={id} class={`field-label ${labelHandlers ? "scrub" : ""}`} {...labelHandlers}>
         {label}
       </label>
       <div class="field-control">{children}</div>

@@ -81,7 +81,7 @@ const DRAWINGS = {
 
 export type IconName = keyof typeof DRAWINGS;
 
-/** An icon without a name of its own: what it stands for is said by its button or text. */
+/** An icon; its button or text has the name. */
 export function Icon({ name, size = 16 }: { name: IconName; size?: number }) {
   return (
     <svg

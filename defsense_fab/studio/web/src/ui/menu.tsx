@@ -1,9 +1,9 @@
-// Menus: one that a button opens, and one at a point for what is under the pointer.
+// Menus: those of buttons, and context menus at the pointer.
 import { signal } from "@preact/signals";
 import * as zagMenu from "@zag-js/menu";
-import { Portal, normalizeProps, useMachine } from "@zag-js/preact";
+import { normalizeProps, useMachine } from "@zag-js/preact";
 import type { ComponentChildren } from "preact";
-import { useEffect, useId, useRef } from "preact/hooks";
+import { useId, useLayoutEffect, useRef } from "preact/hooks";
 import { type Command, findCommand, isAvailable } from "../commands";
 import { Icon, type IconName } from "./icons";
 import { Keys, tooltip } from "./tooltip";
@@ -53,7 +53,7 @@ export function MenuButton({ label, icon = "more", children, entries }: MenuButt
   const service = useMachine(zagMenu.machine, {
     id: useId(),
     "aria-label": label,
-    positioning: { placement: "bottom-end", gutter: 6 },
+    positioning: { placement: "bottom-end", strategy: "fixed", gutter: 6 },
     onSelect: ({ value }) => select(entries(), value),
   });
   const api = zagMenu.connect(service, normalizeProps);
@@ -75,6 +75,8 @@ export function MenuButton({ label, icon = "more", children, entries }: MenuButt
 
 interface OpenMenu {
   point: { x: number; y: number };
+  /** Whether it was opened by a key, so that the first entry is highlighted. */
+  isByKey: boolean;
   label: string;
   entries: readonly MenuEntry[];
 }
@@ -82,18 +84,33 @@ interface OpenMenu {
 const openMenu = signal<OpenMenu | null>(null);
 
 /** Open a menu at a point of the window. */
-export function openContextMenu(point: OpenMenu["point"], label: string, entries: readonly MenuEntry[]): void {
-  openMenu.value = entries.length > 0 ? { point, label, entries } : null;
+export function openContextMenu(
+  point: OpenMenu["point"],
+  label: string,
+  entries: readonly MenuEntry[],
+  isByKey = false,
+): void {
+  openMenu.value = entries.length > 0 ? { point, isByKey, label, entries } : null;
 }
 
 /** Open a menu at the place of an event: at the pointer, or below the element for a key. */
-export function openContextMenuFor(event: MouseEvent, label: string, entries: readonly MenuEntry[]): void {
+export function openContextMenuFor(
+  event: MouseEvent,
+  label: string,
+  entries: readonly MenuEntry[],
+): void {
   event.preventDefault();
   event.stopPropagation();
   const { left, bottom } = (event.currentTarget as Element).getBoundingClientRect();
-  const isByKey = event.clientX === 0 && event.clientY === 0;
+  const isByKey = !isByPointer(event);
   const point = isByKey ? { x: left, y: bottom } : { x: event.clientX, y: event.clientY };
-  openContextMenu(point, label, entries);
+  openContextMenu(point, label, entries, isByKey);
+}
+
+/** Whether a press of the mouse or a long touch opens a menu; Ctrl and a click do so on a Mac. */
+function isByPointer(event: MouseEvent): boolean {
+  const isTouch = event instanceof PointerEvent && ["touch", "pen"].includes(event.pointerType);
+  return isTouch || event.button === 2 || event.ctrlKey;
 }
 
 /** The layer that shows the menu at a point. */
@@ -102,14 +119,20 @@ export function ContextMenuLayer() {
   return menu && <PointMenu key={`${menu.point.x},${menu.point.y},${menu.label}`} {...menu} />;
 }
 
-function PointMenu({ point, label, entries }: OpenMenu) {
+function PointMenu({ point, isByKey, label, entries }: OpenMenu) {
   const focused = useRef(document.activeElement);
   const service = useMachine(zagMenu.machine, {
     id: useId(),
     "aria-label": label,
     open: true,
+    defaultHighlightedValue: isByKey ? (entries.find(isAction)?.id ?? null) : null,
     anchorPoint: point,
-    positioning: { placement: "bottom-start", gutter: 2 },
+    positioning: {
+      placement: "bottom-start",
+      strategy: "fixed",
+      gutter: 2,
+      getAnchorRect: () => ({ ...point, width: 0, height: 0 }),
+    },
     onSelect: ({ value }) => {
       close();
       select(entries, value);
@@ -134,19 +157,17 @@ interface MenuContentProps {
 
 function MenuContent({ api, label, entries }: MenuContentProps) {
   const layer = useRef<HTMLDivElement>(null);
-  useEffect(() => layer.current?.showPopover(), []);
+  useLayoutEffect(() => layer.current?.showPopover(), []);
   return (
-    <Portal>
-      <div ref={layer} class="menu-layer" popover="manual">
-        <div {...api.getPositionerProps()}>
-          <div {...api.getContentProps()} class="menu" aria-label={label} aria-labelledby={undefined}>
-            {entries.map((entry, index) => (
-              <MenuRow key={isAction(entry) ? entry.id : index} api={api} entry={entry} />
-            ))}
-          </div>
+    <div ref={layer} class="menu-layer" popover="manual">
+      <div {...api.getPositionerProps()}>
+        <div {...api.getContentProps()} class="menu" aria-label={label} aria-labelledby={undefined}>
+          {entries.map((entry, index) => (
+            <MenuRow key={isAction(entry) ? entry.id : index} api={api} entry={entry} />
+          ))}
         </div>
       </div>
-    </Portal>
+    </div>
   );
 }
 

@@ -2,6 +2,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { FieldFrame, type FieldProps, useField } from "./field";
 import { type Range, formatNumber, parseNumber, rangeError, stepped } from "./number";
+import { useScrub } from "./scrub";
 
 interface NumberFieldProps extends FieldProps<number>, Range {
   unit?: string;
@@ -11,18 +12,19 @@ interface NumberFieldProps extends FieldProps<number>, Range {
 }
 
 /**
- * A number with its unit. Enter and leaving commit it, Escape restores it, arrow keys step it. A
- * value that is not allowed is restored and named in the error below.
+ * A number with its unit. Enter and leaving commit it, Escape restores it, arrow keys and a drag on
+ * the label step it. A value that is not allowed is restored and named in the error below.
  */
 export function NumberField(props: NumberFieldProps) {
   const { label, value, onCommit, field, help, disabled, unit = "", step = 1, layout } = props;
   const state = useField(label, field, help);
   const typed = useSignal<string | null>(null);
-  /** What is shown until the answer to a commit. */
+  /** Text of a commit that is not answered yet. */
   const sent = useSignal<string | null>(null);
 
   useEffect(() => {
     typed.value = null;
+    state.setError("");
   }, [value]);
 
   const commit = async () => {
@@ -60,8 +62,15 @@ export function NumberField(props: NumberFieldProps) {
     if (key === "ArrowUp" || key === "ArrowDown") void commit();
   };
 
+  const scrub = useScrub(
+    (steps) => {
+      if (!disabled) typed.value = formatNumber(stepped(value, step * steps, props));
+    },
+    () => void commit(),
+  );
+
   return (
-    <FieldFrame state={state} label={label} help={help} layout={layout}>
+    <FieldFrame state={state} label={label} help={help} layout={layout} labelHandlers={scrub}>
       <span class="input-frame">
         <input
           id={state.id}

@@ -13,14 +13,17 @@ export function formatNumber(value: number, digits = 6): string {
 
 /** The number that a text means, with a decimal point or comma; null if it means none. */
 export function parseNumber(text: string, unit = ""): number | null {
-  const bare = text.trim().replace(unit && text.trim().endsWith(unit) ? unit : "", "").trim();
+  const bare = text
+    .trim()
+    .replace(unit && text.trim().endsWith(unit) ? unit : "", "")
+    .trim();
   const value = Number(bare.replace(",", ".").replace("−", "-"));
   return bare !== "" && Number.isFinite(value) ? value : null;
 }
 
 /** Why a number is not allowed, such as "must be greater than 0"; empty if it is. */
 export function rangeError(value: number, { min, max, above }: Range, unit = ""): string {
-  const limit = (bound: number) => `${formatNumber(bound)}${unit && ` ${unit}`}`;
+  const limit = (bound: number) => formatNumber(bound) + (unit && bound !== 0 ? ` ${unit}` : "");
   if (above !== undefined && value <= above) return `must be greater than ${limit(above)}`;
   if (min !== undefined && value < min) return `must be at least ${limit(min)}`;
   if (max !== undefined && value > max) return `must be at most ${limit(max)}`;

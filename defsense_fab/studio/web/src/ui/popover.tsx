@@ -5,7 +5,7 @@ import { placeNextTo } from "./place";
 import { tooltip } from "./tooltip";
 
 interface PopoverProps {
-  /** Name of the button, and of what it opens. */
+  /** Name of the button and of the panel. */
   label: string;
   icon?: IconName;
   /** Text of the button; without it, it is an icon. */
@@ -43,7 +43,8 @@ export function Popover({ label, icon = "info", text, side = "below", children }
         onToggle={(event) => {
           const isNowOpen = event.newState === "open";
           setOpen(isNowOpen);
-          if (isNowOpen) placeNextTo(event.currentTarget, button.current!.getBoundingClientRect(), side);
+          if (isNowOpen)
+            placeNextTo(event.currentTarget, button.current!.getBoundingClientRect(), side);
         }}
       >
         {children}

@@ -7,7 +7,7 @@ interface SectionProps {
   /** Name under which this browser keeps whether it is open. */
   name: string;
   isOpenAtFirst?: boolean;
-  /** What stands at the right of the heading, such as a number. */
+  /** Content at the right of the heading, such as a number. */
   aside?: ComponentChildren;
   children: ComponentChildren;
 }

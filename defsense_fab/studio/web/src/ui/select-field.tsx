@@ -39,7 +39,7 @@ export function SelectField<T extends string>({
         onChange={(event) => {
           const select = event.currentTarget;
           const chosen = choices[select.selectedIndex]!;
-          void state.send(onCommit(chosen.value), chosen.label).then(() => {
+          void state.send(onCommit(chosen.value)).then(() => {
             select.value = current.current;
           });
         }}

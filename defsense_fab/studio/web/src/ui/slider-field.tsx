@@ -31,6 +31,7 @@ export function SliderField(props: SliderFieldProps) {
 
   useEffect(() => {
     dragged.value = null;
+    state.setError("");
   }, [value]);
 
   const release = async (number: number) => {

@@ -7,7 +7,7 @@ interface Column<T> {
 }
 
 interface TableProps<T> {
-  /** What the table lists; only read out. */
+  /** Name of the table, for screen readers. */
   caption: string;
   columns: readonly Column<T>[];
   rows: readonly T[];
@@ -33,7 +33,11 @@ export function Table<T>({ caption, columns, rows, rowKey, onChoose, isChosen }:
       </thead>
       <tbody>
         {rows.map((row) => (
-          <tr key={rowKey(row)} class={isChosen?.(row) ? "chosen" : ""} onClick={() => onChoose?.(row)}>
+          <tr
+            key={rowKey(row)}
+            class={isChosen?.(row) ? "chosen" : ""}
+            onClick={() => onChoose?.(row)}
+          >
             {columns.map(({ title, cell, isNumber }, index) =>
               index === 0 ? (
                 <th key={title} scope="row">

@@ -20,11 +20,12 @@ export function TextField({
 }: TextFieldProps) {
   const state = useField(label, field, help);
   const typed = useSignal<string | null>(null);
-  /** What is shown until the answer to a commit. */
+  /** Text of a commit that is not answered yet. */
   const sent = useSignal<string | null>(null);
 
   useEffect(() => {
     typed.value = null;
+    state.setError("");
   }, [value]);
 
   const commit = async () => {

@@ -1,7 +1,7 @@
 // A tree of named things with arrow keys, selection, renaming in place and icons at the right.
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { panelState } from "../state/layout";
 import { IconButton } from "./button";
 import { Icon, type IconName } from "./icons";
@@ -15,7 +15,7 @@ export interface TreeNode {
   color?: string;
   /** Number at the right of a group. */
   count?: number;
-  /** What is wrong with it; shown as a red mark. */
+  /** A broken limit, shown as a red mark. */
   problem?: string;
   isDimmed?: boolean;
   isSelected?: boolean;
@@ -24,6 +24,8 @@ export interface TreeNode {
   children?: readonly TreeNode[];
   onSelect?: (isAdded: boolean) => void;
   onHover?: (isHovered: boolean) => void;
+  /** Called when it is clicked twice. */
+  onOpen?: () => void;
   onRename?: (name: string) => void;
   onDelete?: () => void;
   onMenu?: (event: MouseEvent) => void;
@@ -51,13 +53,17 @@ interface TreeProps {
   onRenaming: (id: string | null) => void;
 }
 
+const LONG_NAME = 18; // characters, which may not fit in the row
+
 /** Whether a node that has children shows them. */
 const openState = (id: string) => panelState(`tree.${id}`);
 
 function visibleRows(nodes: readonly TreeNode[], level = 1, parent: TreeNode | null = null): Row[] {
   return nodes.flatMap((node) => [
     { node, level, parent },
-    ...(node.children && openState(node.id).value ? visibleRows(node.children, level + 1, node) : []),
+    ...(node.children && openState(node.id).value
+      ? visibleRows(node.children, level + 1, node)
+      : []),
   ]);
 }
 
@@ -65,12 +71,27 @@ export function Tree({ label, nodes, renaming, onRenaming }: TreeProps) {
   const root = useRef<HTMLDivElement>(null);
   const active = useSignal("");
   const rows = visibleRows(nodes);
-  const activeId = rows.some(({ node }) => node.id === active.value) ? active.value : rows[0]?.node.id;
+  const activeId = rows.some(({ node }) => node.id === active.value)
+    ? active.value
+    : rows[0]?.node.id;
 
   const focus = (row: Row | undefined) => {
     if (!row) return;
     active.value = row.node.id;
     root.current?.querySelector<HTMLElement>(`[data-node="${CSS.escape(row.node.id)}"]`)?.focus();
+  };
+
+  // A row in focus that is renamed or deleted passes the focus to the row in its place.
+  const focusedAt = useRef<number | null>(null);
+  useLayoutEffect(() => {
+    if (focusedAt.current === null || document.activeElement !== document.body) return;
+    focus(rows[Math.min(focusedAt.current, rows.length - 1)]);
+  });
+  const onFocusOut = ({ target, relatedTarget }: FocusEvent) => {
+    if (relatedTarget instanceof Node && root.current?.contains(relatedTarget)) return;
+    queueMicrotask(() => {
+      if ((target as Element).isConnected) focusedAt.current = null;
+    });
   };
 
   const onKeyDown = (event: KeyboardEvent) => {
@@ -105,14 +126,25 @@ export function Tree({ label, nodes, renaming, onRenaming }: TreeProps) {
   };
 
   return (
-    <div ref={root} class="tree" role="tree" aria-label={label} aria-multiselectable="true" onKeyDown={onKeyDown}>
-      {rows.map((row) => (
+    <div
+      ref={root}
+      class="tree"
+      role="tree"
+      aria-label={label}
+      aria-multiselectable="true"
+      onKeyDown={onKeyDown}
+      onFocusOut={onFocusOut}
+    >
+      {rows.map((row, index) => (
         <TreeRow
           key={row.node.id}
           {...row}
           isActive={row.node.id === activeId}
           isRenaming={renaming === row.node.id}
-          onActive={() => (active.value = row.node.id)}
+          onActive={() => {
+            active.value = row.node.id;
+            focusedAt.current = index;
+          }}
           onRenamed={(name) => {
             onRenaming(null);
             if (name && name !== row.node.label) row.node.onRename?.(name);
@@ -154,6 +186,7 @@ function TreeRow({ node, level, isActive, isRenaming, onActive, onRenamed }: Tre
         if (node.onSelect) node.onSelect(event.ctrlKey || event.metaKey || event.shiftKey);
         else toggle(node);
       }}
+      onDblClick={node.onOpen}
       onContextMenu={node.onMenu}
       onPointerEnter={() => node.onHover?.(true)}
       onPointerLeave={() => node.onHover?.(false)}
@@ -171,9 +204,11 @@ function TreeRow({ node, level, isActive, isRenaming, onActive, onRenamed }: Tre
       {isRenaming ? (
         <NameInput label={label} onDone={onRenamed} />
       ) : (
-        <span class="tree-label">{label}</span>
+        <span class="tree-label" {...tooltip(label.length > LONG_NAME ? label : undefined)}>
+          {label}
+        </span>
       )}
-      {node.count !== undefined && <span class="tree-count">{node.count}</span>}
+      {node.count !== undefined && <span class="tree-count" data-count={node.count} />}
       <TreeButtons buttons={buttons} />
       {problem && (
         <span class="tree-problem" {...tooltip(problem)}>
