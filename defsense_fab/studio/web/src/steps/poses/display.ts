@@ -55,6 +55,9 @@ effect(() => {
 /** Region whose shape is dragged at present, in place of that of the device. */
 export const draggedRegion = signal<{ name: string; shape: RegionShape } | null>(null);
 
+/** The region under the pointer in the scene; empty for none. */
+export const hoveredRegion = signal("");
+
 /** The vertices (v, 3) mm that are shown. */
 export const shownVertices = signal<NumberArray>(new Float32Array());
 
@@ -106,7 +109,8 @@ export function showPosedBody(viewer: Viewer): () => void {
 function coloredRegions(rest: NumberArray | undefined, bodyColor: string): ColoredRegion[] {
   if (!rest) return [];
   const dragged = draggedRegion.value;
-  const lit = hovered.value?.kind === "region" ? hovered.value.name : (editedRegion.value?.name ?? "");
+  const inTree = hovered.value?.kind === "region" ? hovered.value.name : "";
+  const lit = hoveredRegion.value || inTree || (editedRegion.value?.name ?? "");
   const pose = shownPose.value;
   const isUsed = (index: number) => !pose || pose.roles[index] !== "free";
   const shown = regions.value.map((region, index) => {

@@ -14,6 +14,7 @@ import type { NumberArray } from "../../protocol/connection";
 import { viewer } from "../../scene/stage";
 import { sceneColors } from "../../scene/theme";
 import { connection } from "../../state/connection";
+import { posePictures } from "../../state/pose-pictures";
 import { isDark } from "../../state/theme";
 import { PosedBody } from "./posed-body";
 import { verticesInside } from "./region-geometry";
@@ -24,8 +25,6 @@ const HEIGHT = 120;
 const MARGIN = 1.12;
 const DIRECTION = new Vector3(0.5, -0.85, 0.5).normalize();
 
-/** Addresses of pictures by the name of a pose, and that of the body at rest under "". */
-export const pictures = signal<ReadonlyMap<string, string>>(new Map());
 /** Addresses of pictures of the proposed poses by their names. */
 export const proposedPictures = signal<ReadonlyMap<string, string>>(new Map());
 
@@ -53,7 +52,7 @@ effect(() => {
   const suggestions = proposed.value;
   const look = JSON.stringify([isDark.value, regions.value.map(({ points, radius, color }) => [points, radius, color])]);
   if (!body || !shown) {
-    if (!body) pictures.value = new Map();
+    if (!body) posePictures.value = new Map();
     return;
   }
   if (look !== drawnFor) drawn = new WeakMap();
@@ -68,7 +67,7 @@ effect(() => {
     if (!address) drawn.set(key, (address = painter.draw(moved)));
     return address;
   };
-  pictures.value = new Map(
+  posePictures.value = new Map(
     wanted.flatMap(([name, key, moved]) => {
       const address = draw(key, moved);
       return address ? [[name, address] as const] : [];

@@ -6,7 +6,7 @@ import type { Viewer } from "../../scene/viewer";
 import { connection } from "../../state/connection";
 import { run } from "../../state/run";
 import { Gizmo } from "./gizmo";
-import { LatestRequest } from "./latest-request";
+import { LatestRequest } from "../sensors/latest-request";
 import { handleRotation, plain, rotationText, turned } from "./rotations";
 import { setShare, share } from "./ramp";
 import { centers, findPose, type Grip, grip, isMeshed, shownPose, shownProposal, shownState } from "./state";
@@ -22,9 +22,13 @@ interface Motion {
   rotation: Vector3;
 }
 
-const preview = new LatestRequest((motion: Motion) =>
-  connection.send("move-grip", { ...content(motion), write: false }),
-);
+const requests = new LatestRequest<unknown>();
+const ignore = () => undefined;
+
+function preview(motion: Motion): void {
+  const request = { ...content(motion), write: false };
+  requests.ask(() => connection.send("move-grip", request), ignore, ignore);
+}
 
 function content({ pose, region, pull, position, rotation }: Motion) {
   return { pose, region, pull, position, rotation: rotation.toArray() };
@@ -57,7 +61,7 @@ class PendingMotion {
     const from = isSame ? known : motionOf(pose, chosen);
     if (!from) return;
     this.motion = apply(from);
-    preview.give(this.motion);
+    preview(this.motion);
     clearTimeout(this.timer);
     this.timer = window.setTimeout(() => this.write(), KEY_PAUSE_MS);
   }
@@ -73,7 +77,7 @@ class PendingMotion {
 const pending = new PendingMotion();
 
 async function writeMotion(motion: Motion): Promise<void> {
-  preview.clear();
+  requests.drop();
   await run(connection.send("move-grip", { ...content(motion), write: true }));
 }
 
@@ -100,7 +104,7 @@ export function previewTurn(pose: string, handle: HandleState, degrees: number):
   const shown = findPose(pose);
   const motion = shown && motionOf(shown, { region: handle.region, pull: -1 });
   if (!motion) return;
-  preview.give({ ...motion, rotation: handleRotation({ axis: handle.axis, degrees }) });
+  preview({ ...motion, rotation: handleRotation({ axis: handle.axis, degrees }) });
 }
 
 /** Show the gizmo of the chosen grip; return a function that removes it. */
@@ -124,20 +128,20 @@ export function showPoseGizmo(viewer: Viewer): () => void {
       const from = begin();
       if (!from) return;
       motion = { ...from, rotation: turned(from.rotation, axis, radians) };
-      preview.give(motion);
+      preview(motion);
     },
     onShift: (by) => {
       const from = begin();
       if (!from) return;
       motion = { ...from, position: sum(from.position, by.toArray()) };
-      preview.give(motion);
+      preview(motion);
     },
     onDrop: () => {
       if (motion) void writeMotion(motion);
       end();
     },
     onCancel: () => {
-      preview.clear();
+      requests.drop();
       const pose = shownPose.peek();
       if (pose) void run(connection.send("show-pose", { pose: pose.name, share: 1 }));
       end();

@@ -6,10 +6,10 @@ import type { Pick } from "../../scene/types";
 import type { Viewer } from "../../scene/viewer";
 import { connection } from "../../state/connection";
 import { run } from "../../state/run";
-import { hovered, isSelected, select } from "../../state/selection";
+import { isSelected, select } from "../../state/selection";
 import { openContextMenu } from "../../ui/menu";
 import { poseMenu, regionMenu } from "./commands";
-import { showPosedBody, shownVertices } from "./display";
+import { hoveredRegion, showPosedBody, shownVertices } from "./display";
 import { showPoseGizmo } from "./pose-gizmo";
 import { showPoseMarks } from "./pose-marks";
 import { listenForRectangles } from "./rectangle";
@@ -90,18 +90,19 @@ function listenForHover(viewer: Viewer): () => void {
         frame = 0;
         const pick = viewer.picker.pick(...viewer.local(event));
         const name = pick && regionAt(pick);
-        if (name !== (hovered.peek()?.kind === "region" ? hovered.peek()!.name : null)) {
-          hovered.value = name ? { kind: "region", name } : null;
-        }
+        hoveredRegion.value = name ?? "";
         viewer.canvas.style.cursor = name ? "pointer" : "";
       });
     },
     { signal: stop.signal },
   );
+  viewer.canvas.addEventListener("pointerleave", () => (hoveredRegion.value = ""), {
+    signal: stop.signal,
+  });
   return () => {
     cancelAnimationFrame(frame);
     stop.abort();
-    hovered.value = null;
+    hoveredRegion.value = "";
   };
 }
 

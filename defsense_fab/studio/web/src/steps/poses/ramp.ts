@@ -3,7 +3,7 @@ import { computed, effect, signal } from "@preact/signals";
 import { connection } from "../../state/connection";
 import { attempt, run } from "../../state/run";
 import { showToast } from "../../state/toasts";
-import { LatestRequest } from "./latest-request";
+import { LatestRequest } from "../sensors/latest-request";
 import { isMeshed, meshedBody, shownPose, shownState, simulatedStates } from "./state";
 
 const FILM_MS = 2000;
@@ -43,9 +43,8 @@ effect(() => {
   share.value = 1;
 });
 
-const partial = new LatestRequest(({ pose, value }: { pose: string; value: number }) =>
-  connection.send("show-pose", { pose, share: value }),
-);
+const partial = new LatestRequest<unknown>();
+const ignore = () => undefined;
 
 /** Show a share of the pose: from the ramp if it is known, else solved now. */
 export function setShare(value: number): void {
@@ -59,7 +58,10 @@ function showShare(value: number): void {
   const pose = shownPose.peek();
   if (ramp.peek() || !pose) return;
   if (simulatedStates.peek()?.isCurrent && !isLoading.peek()) void load(); // takes no solver
-  else if (value > 0) partial.give({ pose: pose.name, value });
+  else if (value > 0) {
+    const request = { pose: pose.name, share: value };
+    partial.ask(() => connection.send("show-pose", request), ignore, ignore);
+  }
 }
 
 /** Displacements (v, 3) mm at the shown share; null to show the shape that the server sends. */

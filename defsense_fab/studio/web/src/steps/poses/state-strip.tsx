@@ -1,14 +1,14 @@
 // The states below the scene: rest, each pose with its picture, and a slider from rest to the pose.
 import { useEffect, useRef } from "preact/hooks";
 import { device } from "../../state/connection";
+import { posePictures } from "../../state/pose-pictures";
 import { clearSelection, isSelected, select } from "../../state/selection";
 import { IconButton } from "../../ui/button";
 import { Icon } from "../../ui/icons";
 import { openContextMenuFor } from "../../ui/menu";
 import { poseMenu } from "./commands";
-import { pictures } from "./pictures";
 import { isLoading, isPlaying, playRamp, ramp, setShare, share } from "./ramp";
-import { isMeshed, isSolving, posesState, shownPose, shownState, simulatedStates } from "./state";
+import { isMeshed, isSolving, picturesState, posesState, shownPose, shownState, simulatedStates } from "./state";
 import { poseProblem } from "./warnings";
 
 export function StateStrip() {
@@ -75,10 +75,16 @@ function PoseCard({ name, label, problem, isChosen, onChoose, onMenu }: PoseCard
 
 /** The picture of a pose, or an icon until it is known. */
 export function PosePicture({ name }: { name: string }) {
-  const address = pictures.value.get(name);
+  const address = posePictures.value.get(name);
   return (
     <span class="pose-picture">
-      {address ? <img src={address} alt="" draggable={false} /> : <Icon name={name ? "pose" : "make"} size={24} />}
+      {address ? (
+        <img src={address} alt="" draggable={false} />
+      ) : picturesState.value?.isComputing ? (
+        <span class="spinner" aria-hidden="true" />
+      ) : (
+        <Icon name={name ? "pose" : "make"} size={24} />
+      )}
     </span>
   );
 }

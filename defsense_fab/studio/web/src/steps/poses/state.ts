@@ -10,7 +10,7 @@ export const posesState = connection.event("poses-state");
 export const simulatedStates = connection.event("simulated-states");
 export const proposedPoses = connection.event("proposed-poses");
 export const poseShape = connection.event("pose-shape");
-export const posePictures = connection.event("pose-pictures");
+export const picturesState = connection.event("pose-pictures");
 
 export const regions = computed(() => posesState.value?.regions ?? []);
 export const isMeshed = computed(() => (posesState.value?.mesh ?? "missing") !== "missing");
