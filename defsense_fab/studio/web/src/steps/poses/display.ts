@@ -8,7 +8,7 @@ import { isDark } from "../../state/theme";
 import { sceneColors } from "../../scene/theme";
 import { attempt } from "../../state/run";
 import { showToast } from "../../state/toasts";
-import { hovered } from "../../state/selection";
+import { hovered, isHidden } from "../../state/selection";
 import { type ColoredRegion, PosedBody } from "./posed-body";
 import { rampShape, share } from "./ramp";
 import { type RegionShape, verticesInside } from "./region-geometry";
@@ -113,7 +113,7 @@ function coloredRegions(rest: NumberArray | undefined, bodyColor: string): Color
   const lit = hoveredRegion.value || inTree || (editedRegion.value?.name ?? "");
   const pose = shownPose.value;
   const isUsed = (index: number) => !pose || pose.roles[index] !== "free";
-  const shown = regions.value.map((region, index) => {
+  const all = regions.value.map((region, index) => {
     const shape = dragged?.name === region.name ? dragged.shape : region;
     const color = isUsed(index) ? region.color : mixed(region.color, bodyColor, 0.65);
     const isFirst = isUsed(index) || region.name === lit;
@@ -123,6 +123,7 @@ function coloredRegions(rest: NumberArray | undefined, bodyColor: string): Color
       inside: verticesInside(shape, rest),
     };
   });
+  const shown = all.filter((_, index) => !isHidden({ kind: "region", name: regions.value[index]!.name }));
   // A face in two regions has the color of the one that the pose uses.
   return [...shown.filter(({ isFirst }) => isFirst), ...shown.filter(({ isFirst }) => !isFirst)];
 }

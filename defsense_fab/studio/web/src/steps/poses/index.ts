@@ -1,6 +1,7 @@
 // The step Poses: regions, poses that hold and move them, and the body that follows.
 import { registerStep } from "../registry";
 import { PosesInspector } from "./inspector";
+import "./inspector.css";
 import { showPoses } from "./pose-scene";
 import "./poses.css";
 import { StateStrip } from "./state-strip";

@@ -4,7 +4,7 @@ import { Vector3 } from "three";
 import type { PoseState } from "../../protocol/messages";
 import type { Label } from "../../scene/label-layer";
 import type { Viewer } from "../../scene/viewer";
-import { select } from "../../state/selection";
+import { isHidden, select } from "../../state/selection";
 import { titleOf } from "./pose-gizmo";
 import { shownVertices } from "./display";
 import { centers, chosenGrip, editedRegion, grip, meshedBody, regions, shownPose, shownProposal } from "./state";
@@ -32,6 +32,7 @@ function poseLabels(pose: PoseState): Label[] {
     const role = pose.roles[k];
     const handle = pose.handles.find((other) => other.region === region.name);
     if (role === "free" || role === undefined) return [];
+    if (isHidden({ kind: "region", name: region.name })) return [];
     const at = (handle && centers.value[region.name]) || region.center;
     const label = { id: `region:${region.name}`, at, tone: "plain" as const, priority: 1 };
     if (!handle) return [{ ...label, text: `${region.name}: held` }];
@@ -49,7 +50,10 @@ function poseLabels(pose: PoseState): Label[] {
 
 function regionLabels(): Label[] {
   const edited = editedRegion.value?.name; // its handles are there
-  const shown = regions.value.filter(({ name, problems }) => name !== edited || problems.length);
+  const shown = regions.value.filter(
+    ({ name, problems }) =>
+      (name !== edited || problems.length) && !isHidden({ kind: "region", name }),
+  );
   return shown.map(({ name, center, problems }) => ({
     id: `region:${name}`,
     text: problems.length ? `${name}: ${problems[0]}` : name,
