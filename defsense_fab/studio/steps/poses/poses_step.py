@@ -31,6 +31,7 @@ from .region_requests import RegionRequests
 from .shapes import ShapeWork
 from .simulated_states import simulated_states
 
+_EDGE_ANGLE_DEGREES = 45.0  # of drawn edges; round bodies are meshed with many smaller ones
 _NO_POINTS: Float = np.zeros((0, 3))
 
 
@@ -148,7 +149,7 @@ class PosesStep(Step):
     # Events
 
     def _publish_body(self) -> None:
-        arrays = {} if self.surface is None else surface_arrays(self.surface)
+        arrays = {} if self.surface is None else surface_arrays(self.surface, _EDGE_ANGLE_DEGREES)
         self.session.server.publish_arrays(Arrays(name="pose-body", arrays=arrays))
 
     def _publish(self) -> None:

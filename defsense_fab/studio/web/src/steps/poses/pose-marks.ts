@@ -16,7 +16,8 @@ const SVG = "http://www.w3.org/2000/svg";
 export function showPoseMarks(viewer: Viewer): () => void {
   const stopLabels = effect(() => {
     const pose = shownPose.value;
-    viewer.labels.set("poses", shownProposal.value ? [] : pose ? poseLabels(pose) : regionLabels());
+    const isEmpty = Boolean(shownProposal.value) || !meshedBody.value;
+    viewer.labels.set("poses", isEmpty ? [] : pose ? poseLabels(pose) : regionLabels());
   });
   const stopPulls = showPulls(viewer);
   return () => {

@@ -77,12 +77,13 @@ function ShapeStatusLine({ pose }: { pose: PoseState }) {
       </div>
     );
   }
+  if (!isMeshed.value) return null;
   const { text, icon } = STATUS[status];
   const isBusy = status === "solving" || status === "coarse";
   return (
     <p class={`shape-status ${status}`} role="status">
       {isBusy ? <span class="spinner" aria-hidden="true" /> : icon && <Icon name={icon} size={14} />}
-      <span>{isMeshed.value ? text : ""}</span>
+      <span>{text}</span>
       {isBusy && (
         <Button variant="quiet" onClick={() => void run(connection.send("stop-solving", {}))}>
           Stop

@@ -59,9 +59,10 @@ export function PosesLegend() {
 }
 
 function hint(): string {
+  if (!isMeshed.value) return "";
   if (sceneTool.value === "rectangle") return "Drag a rectangle over the body. Esc: stop";
   if (sceneTool.value === "pull") return "Click the point of the body to pull at. Esc: stop";
   if (editedRegion.value) return "Drag a dot to change the size, an arrow to move";
   if (grip.value) return "Drag a ring to turn, an arrow to move. Ctrl: finer, Shift: coarser";
-  return isMeshed.value ? "Shift and drag over the body: add a region" : "";
+  return "Shift and drag over the body: add a region";
 }
