@@ -169,7 +169,7 @@ class ShapeWork:
             rest = preview.surface.vertices
 
             def show_frame(share: float, moved: Float) -> None:
-                self._send(client, pose.name, "solved", rest + moved, share=share)
+                self._send_vertices(client, pose.name, "solved", rest + moved, share)
 
             return follow_ramp(preview, pose, full, should_stop, show_frame)
 
@@ -283,6 +283,13 @@ class ShapeWork:
             warning = PoseWarning(code=problem.code, text=problem.message, share=0.0)
             self._on_warning(request.digest, warning)
 
+    def _send_vertices(
+        self, client: Client, pose: str, phase: ShapePhase, vertices: Float, share: float
+    ) -> None:
+        arrays = {"vertices": vertices.astype(np.float32)}
+        facts = {"pose": pose, "phase": phase, "share": share}
+        client.send_arrays(Arrays(name="pose-shape", arrays=arrays, facts=facts))
+
     def _send(
         self,
         client: Client,
@@ -295,9 +302,7 @@ class ShapeWork:
         centers: dict[str, Float] | None = None,
     ) -> None:
         if vertices is not None:
-            arrays = {"vertices": vertices.astype(np.float32)}
-            facts = {"pose": pose, "phase": phase, "share": share}
-            client.send_arrays(Arrays(name="pose-shape", arrays=arrays, facts=facts))
+            self._send_vertices(client, pose, phase, vertices, share)
         listed = {name: rounded(center) for name, center in (centers or {}).items()}
         client.send(PoseShape(pose=pose, phase=phase, share=share, text=text, centers=listed))
 

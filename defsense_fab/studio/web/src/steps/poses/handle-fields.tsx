@@ -1,10 +1,12 @@
 // How a pose turns and moves a region, by numbers.
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
 import type { HandleState } from "../../protocol/messages";
 import { connection } from "../../state/connection";
+import { run } from "../../state/run";
 import { Checkbox } from "../../ui/choices";
 import { NumberField } from "../../ui/number-field";
 import { SelectField } from "../../ui/select-field";
-import { SliderField } from "../../ui/slider-field";
 import { previewTurn } from "./pose-gizmo";
 import { VectorField } from "./vector-field";
 
@@ -16,7 +18,8 @@ const TURNS = [
 
 const AXES = ["x", "y", "z"] as const;
 const UNITS: Record<(typeof AXES)[number], number[]> = { x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1] };
-const MAX_SLIDER_DEGREES = 90;
+const MAX_DEGREES = 3600;
+const MIN_SLIDER_DEGREES = 90;
 
 type AxisName = (typeof AXES)[number] | "custom";
 
@@ -24,11 +27,10 @@ export function HandleFields({ pose, handle }: { pose: string; handle: HandleSta
   const { region, turn, axis, degrees } = handle;
   const setTurn = (content: Partial<Pick<HandleState, "turn" | "axis" | "degrees">>) =>
     connection.send("set-turn", { pose, region, turn, axis, degrees, ...content });
-  const limit = Math.max(MAX_SLIDER_DEGREES, Math.ceil(Math.abs(degrees) / 90) * 90);
   return (
     <div class="handle-fields">
       <SelectField
-        label="Turned"
+        label="Turn"
         value={turn}
         choices={TURNS}
         layout="stack"
@@ -36,20 +38,59 @@ export function HandleFields({ pose, handle }: { pose: string; handle: HandleSta
       />
       {turn !== "free" && <AxisField axis={axis} onCommit={(value) => setTurn({ axis: value })} />}
       {turn === "angle" && (
-        <SliderField
-          label="Angle"
-          value={degrees}
-          min={-limit}
-          max={limit}
-          step={1}
-          unit="°"
-          onInput={(value) => previewTurn(pose, handle, value)}
-          onCommit={(value) => setTurn({ degrees: value })}
-        />
+        <>
+          <NumberField
+            label="Angle"
+            value={degrees}
+            min={-MAX_DEGREES}
+            max={MAX_DEGREES}
+            unit="°"
+            onCommit={(value) => setTurn({ degrees: value })}
+          />
+          <AngleSlider
+            degrees={degrees}
+            onInput={(value) => previewTurn(pose, handle, value)}
+            onCommit={(value) => void run(setTurn({ degrees: value }))}
+          />
+        </>
       )}
       <ShiftFields pose={pose} handle={handle} />
       {turn !== "free" && <PivotField pose={pose} handle={handle} />}
     </div>
+  );
+}
+
+interface AngleSliderProps {
+  degrees: number;
+  onInput: (degrees: number) => void;
+  onCommit: (degrees: number) => void;
+}
+
+/** A slider of an angle, whose range grows with the angle. */
+function AngleSlider({ degrees, onInput, onCommit }: AngleSliderProps) {
+  const dragged = useSignal<number | null>(null);
+  useEffect(() => {
+    dragged.value = null;
+  }, [degrees]);
+  const shown = dragged.value ?? degrees;
+  const limit = Math.max(MIN_SLIDER_DEGREES, Math.ceil(Math.abs(degrees) / 90) * 90);
+  return (
+    <input
+      class="range"
+      type="range"
+      aria-label="Angle, slider"
+      aria-valuetext={`${shown}°`}
+      min={-limit}
+      max={limit}
+      step={1}
+      style={{ "--share": String((shown + limit) / (2 * limit)) }}
+      value={shown}
+      onInput={(event) => {
+        dragged.value = event.currentTarget.valueAsNumber;
+        onInput(dragged.value);
+      }}
+      onChange={(event) => onCommit(event.currentTarget.valueAsNumber)}
+    />
   );
 }
 

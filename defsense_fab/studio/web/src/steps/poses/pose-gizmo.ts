@@ -8,7 +8,7 @@ import { run } from "../../state/run";
 import { Gizmo } from "./gizmo";
 import { LatestRequest } from "../sensors/latest-request";
 import { handleRotation, plain, rotationText, turned } from "./rotations";
-import { setShare, share } from "./ramp";
+import { isLoading, setShare, share } from "./ramp";
 import { centers, findPose, type Grip, grip, isMeshed, shownPose, shownProposal, shownState } from "./state";
 
 /** Time after the last press of a key at which its turns are written as one edit. */
@@ -152,7 +152,7 @@ export function showPoseGizmo(viewer: Viewer): () => void {
   const place = () => {
     const [pose, chosen] = [shownPose.value, grip.value];
     const isWhole = share.value === 1 && !shownProposal.value && !shownState.value;
-    const isShown = isMeshed.value && isWhole;
+    const isShown = isMeshed.value && isWhole && !isLoading.value;
     const base = pose && chosen && isShown ? motionOf(pose, chosen) : null;
     if (!base || !pose || !chosen) {
       gizmo.show(null);

@@ -91,7 +91,11 @@ async function load(): Promise<Ramp | null> {
     if (problem.code !== "canceled") showToast(problem.text, null, true);
   });
   isLoading.value = false;
-  if (!answer) return null;
+  if (!answer) {
+    // Shapes on the way were shown while it was solved.
+    void connection.send("show-pose", { pose: pose.name, share: 1 }).catch(ignore);
+    return null;
+  }
   const values = answer.arrays["frames"] as Float32Array;
   const [count, vertices] = answer.shapes["frames"]! as [number, number];
   const frames = Array.from({ length: count }, (_, k) =>
