@@ -67,12 +67,13 @@ effect(() => {
     if (!address) drawn.set(key, (address = painter.draw(moved)));
     return address;
   };
-  posePictures.value = new Map(
-    wanted.flatMap(([name, key, moved]) => {
-      const address = draw(key, moved);
-      return address ? [[name, address] as const] : [];
-    }),
-  );
+  // A pose that was changed keeps its last picture until the next one is known.
+  const pictures = new Map(posePictures.peek());
+  for (const [name, key, moved] of wanted) {
+    const address = draw(key, moved);
+    if (address) pictures.set(name, address);
+  }
+  posePictures.value = pictures;
   proposedPictures.value = new Map(
     suggestions.poses.flatMap((name, k) => {
       const moved = suggestions.moved[k];

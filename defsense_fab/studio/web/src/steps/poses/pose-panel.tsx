@@ -57,7 +57,7 @@ function loadCount({ pressures, symmetry, gravity }: PoseState): number {
 const STATUS: Record<ShapeStatus, { text: string; icon: IconName | null }> = {
   none: { text: "", icon: null },
   solving: { text: "Solving ...", icon: "refresh" },
-  coarse: { text: "Coarse shape; the fine one follows", icon: "refresh" },
+  coarse: { text: "Refining ...", icon: "refresh" },
   solved: { text: "Quick shape", icon: "check" },
   checked: { text: "As the simulation finds it", icon: "check" },
   stopped: { text: "Stopped; the last shape stays", icon: "stop" },

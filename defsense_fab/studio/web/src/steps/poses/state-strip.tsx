@@ -124,7 +124,7 @@ function RampControls() {
             <option key={level} value={level} />
           ))}
         </datalist>
-        <output class="ramp-percent">{percent} %</output>
+        <span class="ramp-percent">{percent} %</span>
       </div>
       <div class="ramp-levels" role="group" aria-label={`Simulated levels of ${pose.name}`}>
         {levels.map((level) => (
