@@ -314,8 +314,7 @@ def describe(request: PreviewRequest, fine: PreviewedPose | None) -> tuple[Shape
     if fine.is_cancelled:
         return "canceled", ""
     if fine.moved is None:
-        text = unreached_message(request.pose.name, fine.share).replace("`", "")
-        return "not-reached", f"{text[:1].upper()}{text[1:]}"
+        return "not-reached", unreached_message(request.pose.name, fine.share).replace("`", "")
     if fine.problem:
         problem = f"{fine.problem[:1].upper()}{fine.problem[1:]}"
         return "invalid", f"{problem}. Reduce its movement, or enlarge its regions."

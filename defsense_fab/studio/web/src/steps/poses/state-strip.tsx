@@ -11,6 +11,8 @@ import { isLoading, isPlaying, playRamp, ramp, setShare, share } from "./ramp";
 import { isMeshed, isSolving, picturesState, posesState, shownPose, shownState, simulatedStates } from "./state";
 import { poseProblem } from "./warnings";
 
+const CARD_GAP_PX = 8;
+
 export function StateStrip() {
   const poses = posesState.value?.poses ?? [];
   return (
@@ -52,7 +54,12 @@ interface PoseCardProps {
 function PoseCard({ name, label, problem, isChosen, onChoose, onMenu }: PoseCardProps) {
   const card = useRef<HTMLButtonElement>(null);
   useEffect(() => {
-    if (isChosen) card.current?.scrollIntoView({ block: "nearest", inline: "nearest" });
+    // Only sideways: on a phone the cards are at the end of a long panel.
+    const [element, list] = [card.current, card.current?.parentElement];
+    if (!isChosen || !element || !list) return;
+    const last = element.offsetLeft - list.offsetLeft + element.offsetWidth - list.clientWidth;
+    const first = element.offsetLeft - list.offsetLeft;
+    list.scrollLeft = Math.min(Math.max(list.scrollLeft, last + CARD_GAP_PX), first - CARD_GAP_PX);
   }, [isChosen]);
   return (
     <button
