@@ -9,10 +9,24 @@ from typing import Any, Union
 
 import msgspec
 
-from ...workflow.view import Event, Reply, Request, Upload
-from . import pose_edits, poses, sensors, shell
+from ...workflow.view import Event, Reply, Request, Upload, live_messages
+from . import (
+    body,
+    inside,
+    make,
+    measure,
+    optimize,
+    pose_edits,
+    poses,
+    sensors,
+    shell,
+    start,
+)
 
-MODULES: tuple[ModuleType, ...] = (shell, poses, pose_edits, sensors)
+MODULES: tuple[ModuleType, ...] = (
+    *(shell, start, body, poses, pose_edits, inside, sensors, optimize, make, measure),
+    live_messages,
+)
 
 
 def messages(base: type) -> tuple[Any, ...]:
