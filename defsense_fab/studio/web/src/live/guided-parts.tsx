@@ -22,8 +22,12 @@ export function GuidedPicturePart({ picture }: { picture: GuidedPicture }) {
   }, [picture.array]);
   return (
     <figure class="guided-picture">
-      {picture.hasImage && url.value ? (
-        <img src={url.value} alt={`Picture of ${picture.name}`} />
+      {url.value ? (
+        <img
+          class={picture.hasImage ? "" : "outdated"}
+          src={url.value}
+          alt={`${picture.hasImage ? "Picture" : "Last picture"} of ${picture.name}`}
+        />
       ) : (
         <div class="guided-no-picture">No picture</div>
       )}

@@ -7,7 +7,6 @@ import { run } from "../state/run";
 import { showToast } from "../state/toasts";
 import { Button, IconButton } from "../ui/button";
 import { ControlList } from "./control-list";
-import type { Frame } from "./frame";
 import "./live.css";
 import { LiveScene } from "./live-scene";
 import { liveDevice, liveNotes, shownFrame, useFrames } from "./live-state";
@@ -44,9 +43,9 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
       scene.current = null;
     };
   }, []);
-  useFrames((frame: Frame) => {
-    scene.current?.show(frame);
-    current.current.add(frame);
+  useFrames({
+    onReceive: (frame) => current.current.add(frame),
+    onShow: (frame) => scene.current?.show(frame),
   });
   useLiveKeys(() => scene.current?.fit());
 
