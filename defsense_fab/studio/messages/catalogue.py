@@ -10,9 +10,12 @@ from typing import Any, Union
 import msgspec
 
 from ...workflow.view import Event, Reply, Request, Upload, live_messages
-from . import measure, sensors, shell
+from . import body, inside, make, measure, optimize, sensors, shell, start
 
-MODULES: tuple[ModuleType, ...] = (shell, sensors, measure, live_messages)
+MODULES: tuple[ModuleType, ...] = (
+    *(shell, start, body, inside, sensors, optimize, make, measure),
+    live_messages,
+)
 
 
 def messages(base: type) -> tuple[Any, ...]:

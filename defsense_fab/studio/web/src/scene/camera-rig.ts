@@ -6,6 +6,7 @@ import {
   OrthographicCamera,
   PerspectiveCamera,
   Quaternion,
+  Spherical,
   Vector3,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
@@ -18,6 +19,8 @@ const CHANGE_MS = 320;
 const FIT_MARGIN = 1.16;
 const FIT_STEPS = 4;
 const UP = new Vector3(0, 0, 1);
+const TO_Y_UP = new Quaternion().setFromUnitVectors(UP, new Vector3(0, 1, 0));
+const FROM_Y_UP = TO_Y_UP.clone().invert();
 const IS_MOTION_REDUCED = matchMedia("(prefers-reduced-motion: reduce)");
 
 const DIRECTIONS: Record<ViewName, [number, number, number]> = {
@@ -121,6 +124,32 @@ export class CameraRig {
   /** Turn around the middle of the view, until it is seen from a direction. */
   turnTo(direction: Vector3): void {
     this.go({ ...this.goal(), turn: facing(upright(direction), UP), up: UP.clone() }, true);
+  }
+
+  /** Turn the camera around the middle, to the right and upward, degrees. */
+  turnBy(right: number, up: number): void {
+    if (this.isFacing) return;
+    const view = this.goal();
+    const from = new Spherical().setFromVector3(
+      new Vector3(0, 0, 1).applyQuaternion(view.turn).applyQuaternion(TO_Y_UP),
+    );
+    from.theta += (right * Math.PI) / 180;
+    from.phi = Math.min(Math.PI - 1e-5, Math.max(1e-5, from.phi - (up * Math.PI) / 180));
+    const direction = new Vector3().setFromSpherical(from).applyQuaternion(FROM_Y_UP);
+    this.go({ ...view, turn: facing(direction, UP) }, true);
+  }
+
+  /** Move the view by shares of its height, percent. */
+  panBy(right: number, up: number): void {
+    const view = this.goal();
+    const shift = new Vector3(right, up, 0).multiplyScalar(view.height / 100);
+    this.go({ ...view, target: view.target.clone().add(shift.applyQuaternion(view.turn)) }, true);
+  }
+
+  /** Multiply the visible height by a factor. */
+  zoomBy(factor: number): void {
+    const view = this.goal();
+    this.go({ ...view, height: view.height * factor }, true);
   }
 
   setProjection(projection: Projection): void {
@@ -273,7 +302,7 @@ function tangent(fieldDeg: number): number {
 /** Return a direction from which the x axis is to the right also if it is vertical. */
 function upright(direction: Vector3): Vector3 {
   const { x, y, z } = direction;
-  return Math.hypot(x, y) < 1e-4 * Math.abs(z) ? new Vector3(0, -1e-5, Math.sign(z)) : direction;
+  return Math.hypot(x, y) < 1e-3 * Math.abs(z) ? new Vector3(0, -1e-5, Math.sign(z)) : direction;
 }
 
 function facing(from: Vector3, up: Vector3): Quaternion {

@@ -92,7 +92,8 @@ export class Picker {
   private readonly onMove = (event: PointerEvent): void => {
     if (!this.isEnabled || event.buttons !== 0 || event.pointerType === "touch") return;
     const [x, y] = this.viewer.local(event);
-    this.hover(this.pickCord(x, y, MOUSE_TOLERANCE_PX) ?? (this.hoversBody ? this.pickBody(x, y) : null));
+    const cord = this.pickCord(x, y, MOUSE_TOLERANCE_PX);
+    this.hover(cord ?? (this.hoversBody ? this.pickBody(x, y) : null));
   };
 
   private readonly onUp = (event: PointerEvent): void => {

@@ -14,7 +14,7 @@ import {
 const BODY_STENCIL = 1;
 
 // The sky is above in the world, the key light stays at the viewer's left shoulder.
-const LIGHT = /* glsl */ `
+export const LIGHT = /* glsl */ `
   const vec3 KEY = vec3(-0.36, 0.52, 0.775);
   vec3 lit(vec3 base, vec3 normal) {
     float up = dot(normal, viewMatrix[2].xyz);
@@ -35,7 +35,8 @@ const BODY_VERTEX = /* glsl */ `
     #else
       vColor = base;
     #endif
-    gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+    // In the order of three's own materials, so that a pass for the depth has equal values.
+    gl_Position = projectionMatrix * (modelViewMatrix * vec4(position, 1.0));
   }
 `;
 

@@ -11,6 +11,7 @@ import {
   WebGLRenderer,
 } from "three";
 import { BodyLayer } from "./body-layer";
+import { listenForCameraKeys } from "./camera-keys";
 import { CameraRig } from "./camera-rig";
 import { ContactShadow } from "./contact-shadow";
 import { CordLayer } from "./cord-layer";
@@ -66,7 +67,7 @@ export class Viewer {
     this.canvas.className = "viewer-canvas";
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "application");
-    this.canvas.setAttribute("aria-label", "Scene");
+    this.canvas.setAttribute("aria-label", "Scene; arrow keys turn the view");
     this.overlay.className = "viewer-overlay";
     // Handles and labels do not keep the wheel from the camera.
     this.overlay.addEventListener("wheel", (event) => {
@@ -76,6 +77,7 @@ export class Viewer {
     host.classList.add("viewer");
     host.append(this.canvas, this.overlay);
     this.rig = new CameraRig(this.canvas, () => this.invalidate());
+    listenForCameraKeys(this.canvas, this.rig);
     this.body = new BodyLayer(
       () => this.invalidate(),
       () => this.onBodyShape(),
@@ -153,6 +155,18 @@ export class Viewer {
     this.shadow.object.visible = !isPlain;
     this.cube.setHidden(isPlain);
     this.scale.setHidden(isPlain);
+  }
+
+  /** Show or hide the shadow; it is that of the body as the layer shows it. */
+  setShadowVisible(isVisible: boolean): void {
+    this.shadow.object.visible = isVisible;
+    this.invalidate();
+  }
+
+  /** Show the shadow of the body, or hide it where other things take its place. */
+  setShadow(isShown: boolean): void {
+    this.shadow.object.visible = isShown;
+    this.refresh();
   }
 
   dispose(): void {

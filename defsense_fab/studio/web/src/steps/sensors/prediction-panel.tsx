@@ -52,7 +52,8 @@ function Headline() {
       </p>
       <p class="muted">
         {trained !== null && !hasChanged && `${trained.toFixed(2)} mm after training. `}
-        {built !== null && (isBuiltDrawn ? "The drawn cords are built." : "Changed since the build.")}
+        {built !== null && !isBuiltDrawn && "Changed since the build."}
+        {built !== null && isBuiltDrawn && "The drawn cords are built."}
       </p>
     </>
   );

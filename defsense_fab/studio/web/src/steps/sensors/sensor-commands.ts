@@ -51,7 +51,7 @@ export function stopDrawing(): void {
   drawingFrame.value = null;
 }
 
-/** Add a control point in the middle of the longest span, or of the one after the selected point. */
+/** Add a control point in the longest span, or in the one after the selected point. */
 export function addPoint({ name, points }: CordState): void {
   const spans = points.slice(1).map((p, i) => Math.hypot(...p.map((v, k) => v - points[i]![k]!)));
   const chosen = selectedPoint.peek();
