@@ -71,9 +71,11 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
         {isRunning ? (
           <CordLegend />
         ) : (
-          <p class="live-preparing" role="status">
-            <span class="spinner" aria-hidden="true" /> {status || "Waiting for the device"}
-          </p>
+          !connection.isLost.value && (
+            <p class="live-preparing" role="status">
+              <span class="spinner" aria-hidden="true" /> {status || "Waiting for the device"}
+            </p>
+          )
         )}
       </div>
       <aside class="live-side" aria-label="Values">
@@ -128,7 +130,9 @@ function LiveActions({ device }: { device: LiveDevice | null }) {
 function Numbers() {
   const facts = shownFrame.value?.facts;
   const rows: [string, string][] = [];
-  if (facts?.markerRadius != null) rows.push(["Markers, 90 %", `± ${facts.markerRadius.toFixed(1)} mm`]);
+  if (facts?.markerRadius != null) {
+    rows.push(["Markers, 90 %", `± ${facts.markerRadius.toFixed(1)} mm`]);
+  }
   if (facts?.trackingError != null) {
     rows.push(["Distance from cameras", `${facts.trackingError.toFixed(1)} mm`]);
   }

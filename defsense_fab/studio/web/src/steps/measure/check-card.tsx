@@ -55,8 +55,16 @@ export function CheckCard() {
         />
       </div>
       <div class="card-checks">
-        <Checkbox label="Move each wire, to find loose contacts" isOn={hasWiggle.value} onChange={(on) => (hasWiggle.value = on)} />
-        <Checkbox label="Hold poses, if only they tell wires apart" isOn={hasPoses.value} onChange={(on) => (hasPoses.value = on)} />
+        <Checkbox
+          label="Move each wire, to find loose contacts"
+          isOn={hasWiggle.value}
+          onChange={(on) => (hasWiggle.value = on)}
+        />
+        <Checkbox
+          label="Hold poses, if only they tell wires apart"
+          isOn={hasPoses.value}
+          onChange={(on) => (hasPoses.value = on)}
+        />
       </div>
       <div class="card-actions">
         <Button
@@ -88,7 +96,9 @@ function FaultField() {
       { value: `loose=${first}`, label: `Contact of ${first} loose` },
     );
   }
-  if (first && second) list.push({ value: `swap=${first}+${second}`, label: `${first} and ${second} exchanged` });
+  if (first && second) {
+    list.push({ value: `swap=${first}+${second}`, label: `${first} and ${second} exchanged` });
+  }
   return (
     <SelectField
       label="Simulated fault"
@@ -131,7 +141,8 @@ function CheckTable({ result }: { result: CheckResult }) {
         ]}
       />
       <p class="card-note">
-        {result.port}, {result.rate.toFixed(0)} readings per second, {result.averages} conversions each; reference{" "}
+        {result.port}, {result.rate.toFixed(0)} readings per second, {result.averages} conversions
+        each; reference{" "}
         {[...new Set(result.reference)].map((ohm) => `${ohm.toFixed(0)} ohm`).join(", ")}
       </p>
       {result.notes.map((note) => (

@@ -81,7 +81,11 @@ function LiveForm({ models }: { models: readonly ModelChoice[] }) {
       </div>
       <div class="card-checks">
         {choices.value?.hasLiveFile && (
-          <Checkbox label="Also send the outputs of live.toml" isOn={usesFile.value} onChange={(on) => (usesFile.value = on)} />
+          <Checkbox
+            label="Also send the outputs of live.toml"
+            isOn={usesFile.value}
+            onChange={(on) => (usesFile.value = on)}
+          />
         )}
         <Checkbox
           label="Keep the readings, in the folder live"
@@ -105,7 +109,13 @@ function LiveForm({ models }: { models: readonly ModelChoice[] }) {
             </Button>
           </>
         ) : (
-          <Button variant="primary" icon="play" disabled={Boolean(chosen.problem)} hint={chosen.problem || undefined} onClick={() => void start()}>
+          <Button
+            variant="primary"
+            icon="play"
+            disabled={Boolean(chosen.problem)}
+            hint={chosen.problem || undefined}
+            onClick={() => void start()}
+          >
             Start
           </Button>
         )}

@@ -67,7 +67,12 @@ function Session({ session: { name, summary, problem, isRaw } }: { session: Sess
   };
   return (
     <div class="session">
-      <Checkbox label={name} isOn={chosen.includes(name)} disabled={Boolean(problem)} onChange={toggle} />
+      <Checkbox
+        label={name}
+        isOn={chosen.includes(name)}
+        disabled={Boolean(problem)}
+        onChange={toggle}
+      />
       <span class={problem ? "session-problem" : "session-summary"}>
         {isRaw ? "Not processed yet" : problem || summary}
       </span>
