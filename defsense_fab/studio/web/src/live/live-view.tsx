@@ -58,6 +58,12 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
         {isRunning && <QualityBadge facts={shownFrame.value?.facts ?? null} />}
         <span class="live-status">{isRunning ? qualityText() : ""}</span>
         <div class="live-actions">
+          <IconButton
+            icon="fit"
+            label="Fit the view"
+            shortcut="F"
+            onClick={() => scene.current?.fit()}
+          />
           <LiveActions device={device} />
           {onStop && (
             <Button icon="stop" onClick={onStop}>

@@ -129,7 +129,7 @@ function CheckTable({ result }: { result: CheckResult }) {
         columns={[
           { title: "Pin", cell: ({ channel }) => `A${channel}` },
           { title: "Cord", cell: ({ cord }) => cord },
-          { title: "State", cell: ({ code }) => <span class={`code ${code}`}>{code}</span> },
+          { title: "State", cell: ({ code }) => <span class={`finding-code ${code}`}>{code}</span> },
           {
             title: "What to do",
             cell: ({ text, action }) => (

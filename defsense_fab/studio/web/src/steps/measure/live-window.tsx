@@ -15,9 +15,11 @@ export function LiveWindow() {
       if (focused instanceof HTMLElement && focused.isConnected) focused.focus();
     };
   }, []);
+  const wasRunning = useRef(false); // the answer to the start may come before the status
   useEffect(() => {
-    if (task && task.state === "idle") isLiveShown.value = false; // its end is shown in the card
-  }, [task?.state]);
+    if (task?.state !== "idle") wasRunning.current = true;
+    else if (wasRunning.current || task.problem) isLiveShown.value = false; // the card shows its end
+  }, [task]);
   const close = () => (isLiveShown.value = false);
   return (
     <dialog

@@ -86,7 +86,7 @@ function Response({ response, request }: { response: ResponseResult; request: Ca
       )}
       <h3>
         Response of the cord
-        <span class="headline">
+        <span class="card-headline">
           k = {response.kRes.toFixed(2)} ({low!.toFixed(2)} to {high!.toFixed(2)})
         </span>
       </h3>

@@ -66,7 +66,7 @@ function Session({ session: { name, summary, problem, isRaw } }: { session: Sess
     chosenSessions.value = next;
   };
   return (
-    <div class="session">
+    <div class="session-row">
       <Checkbox
         label={name}
         isOn={chosen.includes(name)}
@@ -133,7 +133,7 @@ function TrainingTable({ result }: { result: TrainingResult }) {
       <h3>
         {result.model}
         {chosen && (
-          <span class="headline">
+          <span class="card-headline">
             {(chosen.test ?? chosen.folds).toFixed(2)} mm {chosen.test === null ? "in the folds" : "in the test"}
           </span>
         )}
@@ -185,7 +185,7 @@ function EvaluationTable({ result }: { result: EvaluationResult }) {
     <section class="card-result" aria-label="Evaluation">
       <h3>
         Evaluation
-        <span class="headline">{result.rmse.toFixed(2)} mm</span>
+        <span class="card-headline">{result.rmse.toFixed(2)} mm</span>
       </h3>
       <Table
         caption="Errors of the model, mm"
