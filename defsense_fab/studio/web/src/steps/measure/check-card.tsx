@@ -6,7 +6,7 @@ import { Checkbox } from "../../ui/choices";
 import { Icon } from "../../ui/icons";
 import { SelectField } from "../../ui/select-field";
 import { Table } from "../../ui/table";
-import { CardFrame, ProblemMessage, TaskMessage, Warning } from "./card-frame";
+import { CardFrame, CardMessage, Warning } from "./card-frame";
 import { PortField, portOf, TWIN_PORT } from "./port-field";
 import { useRequest } from "./request";
 import { choices, isGuidedOpen, results, status } from "./state";
@@ -78,8 +78,7 @@ export function CheckCard() {
           Start the check
         </Button>
       </div>
-      {request.problem.value && <ProblemMessage problem={request.problem.value} />}
-      <TaskMessage task={task} />
+      <CardMessage request={request} task={task} />
       {result && <CheckTable result={result} />}
     </CardFrame>
   );

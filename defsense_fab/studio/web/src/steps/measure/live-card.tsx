@@ -5,7 +5,7 @@ import { Button } from "../../ui/button";
 import { Checkbox } from "../../ui/choices";
 import { EmptyState } from "../../ui/feedback";
 import { SelectField } from "../../ui/select-field";
-import { CardFrame, ProblemMessage, TaskMessage, Warning } from "./card-frame";
+import { CardFrame, CardMessage, Warning } from "./card-frame";
 import { PortField, portOf, TWIN_PORT } from "./port-field";
 import { useRequest } from "./request";
 import { card, choices, isLiveShown, status } from "./state";
@@ -120,8 +120,7 @@ function LiveForm({ models }: { models: readonly ModelChoice[] }) {
           </Button>
         )}
       </div>
-      {request.problem.value && <ProblemMessage problem={request.problem.value} />}
-      <TaskMessage task={task} />
+      <CardMessage request={request} task={task} />
     </>
   );
 }

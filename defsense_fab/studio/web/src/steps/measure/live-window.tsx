@@ -12,7 +12,10 @@ export function LiveWindow() {
     const focused = document.activeElement;
     dialog.current!.showModal();
     return () => {
-      if (focused instanceof HTMLElement && focused.isConnected) focused.focus();
+      // The button that started the run has been replaced by the one that shows it.
+      const target = focused?.isConnected && focused !== document.body ? focused : null;
+      const shown = target ?? document.querySelector(".measure-card .button.primary");
+      if (shown instanceof HTMLElement) shown.focus();
     };
   }, []);
   const wasRunning = useRef(false); // the answer to the start may come before the status

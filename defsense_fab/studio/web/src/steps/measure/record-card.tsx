@@ -4,7 +4,7 @@ import { Button } from "../../ui/button";
 import { SegmentedControl } from "../../ui/choices";
 import { NumberField } from "../../ui/number-field";
 import { SelectField } from "../../ui/select-field";
-import { CardFrame, ProblemMessage, TaskMessage, Warning } from "./card-frame";
+import { CardFrame, CardMessage, ProblemMessage, Warning } from "./card-frame";
 import { PortField, portOf, TWIN_PORT } from "./port-field";
 import { useRequest } from "./request";
 import { card, choices, isGuidedOpen, status } from "./state";
@@ -110,8 +110,7 @@ function TwinForm() {
         </Button>
         <NextCard code="twin-recorded" label="Train on it" />
       </div>
-      {request.problem.value && <ProblemMessage problem={request.problem.value} />}
-      <TaskMessage task={task} />
+      <CardMessage request={request} task={task} />
     </>
   );
 }
@@ -193,8 +192,7 @@ function DeviceForm() {
         </Button>
         <NextCard code="recording-complete" label="Process and train" />
       </div>
-      {request.problem.value && <ProblemMessage problem={request.problem.value} />}
-      <TaskMessage task={task} />
+      <CardMessage request={request} task={task} />
     </>
   );
 }

@@ -5,7 +5,7 @@ import { Checkbox } from "../../ui/choices";
 import { EmptyState } from "../../ui/feedback";
 import { Icon } from "../../ui/icons";
 import { Table } from "../../ui/table";
-import { CardFrame, ProblemMessage, TaskMessage, Warning } from "./card-frame";
+import { CardFrame, CardMessage, Warning } from "./card-frame";
 import { type CardRequest, useRequest } from "./request";
 import {
   card,
@@ -28,8 +28,7 @@ export function TrainCard() {
     >
       <Sessions />
       <Actions request={request} />
-      {request.problem.value && <ProblemMessage problem={request.problem.value} />}
-      <TaskMessage task={status.value?.train} />
+      <CardMessage request={request} task={status.value?.train} />
       {training && <TrainingTable result={training} />}
       {evaluation && <EvaluationTable result={evaluation} />}
     </CardFrame>
