@@ -10,8 +10,10 @@ export function LiveWindow() {
   const task = status.value?.live;
   useLayoutEffect(() => {
     const focused = document.activeElement;
-    dialog.current!.showModal();
+    const element = dialog.current!;
+    element.showModal();
     return () => {
+      element.close();
       // The button that started the run has been replaced by the one that shows it.
       const target = focused?.isConnected && focused !== document.body ? focused : null;
       const shown = target ?? document.querySelector(".measure-card .button.primary");
