@@ -91,7 +91,7 @@ for experiment in find_experiments(example_names()):
     device = experiment.folder / "device.toml"
     assert not device.exists() or load_device(experiment.folder).body.path.is_file()
 templates = environment().list_templates()
-assert {{"report.html", "guide/instructions.jinja", "viewer/page/view.html"}} <= set(templates)
+assert {{"report.html", "guide/instructions.jinja", "viewer/view.html"}} <= set(templates)
 assert (package_data("arduino") / "DefSense" / "src" / "DefSense.cpp").is_file()
 assert all(image.read() for image in IMAGES.values())
 """

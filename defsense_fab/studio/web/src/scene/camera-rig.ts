@@ -16,6 +16,8 @@ const FIELD_OF_VIEW_DEG = 28;
 const SMALLEST_FIELD_DEG = 1;
 const CHANGE_MS = 320;
 const FIT_MARGIN = 1.16;
+/** Directions of view that are closer to the vertical have no right and left. */
+const LARGEST_HEIGHT_RAD = Math.PI / 2 - 0.02;
 const UP = new Vector3(0, 0, 1);
 const IS_MOTION_REDUCED = matchMedia("(prefers-reduced-motion: reduce)");
 
@@ -132,6 +134,37 @@ export class CameraRig {
     const view = this.goal();
     const height = Math.min(view.height, this.bounds.radius * 1.2);
     this.go({ ...view, target: point.clone(), height }, true);
+  }
+
+  /** Set what Fit shows, and keep the share of the picture that it fills. */
+  follow(box: Box3): void {
+    const view = this.goal();
+    const before = this.fitted(view.turn, view.up, view.fieldDeg);
+    this.setBounds(box);
+    const after = this.fitted(view.turn, view.up, view.fieldDeg);
+    const target = view.target.add(after.target).sub(before.target);
+    this.change = null;
+    this.show({ ...view, target, height: (view.height * after.height) / before.height });
+  }
+
+  /** Turn the object to the right around the vertical, and up, by angles in radians. */
+  turnBy(right: number, up: number): void {
+    const view = this.goal();
+    const direction = new Vector3(0, 0, 1).applyQuaternion(view.turn).applyAxisAngle(UP, -right);
+    const height = Math.asin(Math.min(Math.max(direction.z, -1), 1)) - up;
+    const level = Math.atan2(direction.y, direction.x);
+    const limited = Math.min(Math.max(height, -LARGEST_HEIGHT_RAD), LARGEST_HEIGHT_RAD);
+    direction.set(Math.cos(level), Math.sin(level), 0).multiplyScalar(Math.cos(limited));
+    direction.z = Math.sin(limited);
+    this.change = null;
+    this.show({ ...view, turn: facing(direction, UP), up: UP.clone() });
+  }
+
+  /** Enlarge the picture by a factor. */
+  zoomBy(factor: number): void {
+    const view = this.goal();
+    this.change = null;
+    this.show({ ...view, height: view.height / factor });
   }
 
   /** Face a plane in an orthographic view, its x axis to the right, until `leave`. */
