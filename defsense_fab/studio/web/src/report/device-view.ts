@@ -169,12 +169,14 @@ export class DeviceView {
     this.frame ||= requestAnimationFrame((now) => {
       this.frame = 0;
       this.rig.update(now);
-      if (this.shadow.isStale) {
+      // The first picture does not wait for the shadow.
+      if (this.shadow.isStale && this.frames > 0) {
+        this.shadow.object.visible = true;
         this.shadow.render(this.renderer, this.scene, this.surfaces, this.shownBox);
       }
       this.renderer.render(this.scene, this.rig.camera);
       this.frames += 1;
-      if (this.rig.isChanging) this.draw();
+      if (this.rig.isChanging || this.shadow.isStale) this.draw();
     });
   }
 
@@ -187,6 +189,7 @@ export class DeviceView {
     tubes.add(...this.followers.map(({ object }) => object));
     this.background.frustumCulled = false;
     this.background.renderOrder = ORDER.background;
+    this.shadow.object.visible = false;
     this.scene.add(this.background, this.shadow.object, this.surfaces, tubes);
   }
 

@@ -25,10 +25,14 @@ const PREDICTED_COLOR = "#ff9f1c";
 
 export type Prediction = "hidden" | "over" | "next";
 
-function createLayer(vertices: Float32Array, faces: Uint32Array): BodyLayer {
+function createLayer(
+  vertices: Float32Array,
+  faces: Uint32Array,
+  edges = featureEdges(vertices, faces),
+): BodyLayer {
   const ignore = () => {}; // the view draws after each change of its state
   const layer = new BodyLayer(ignore, ignore);
-  layer.set({ vertices, faces, edges: featureEdges(vertices, faces) });
+  layer.set({ vertices, faces, edges });
   return layer;
 }
 
@@ -119,8 +123,9 @@ export class PosedSurface {
     this.predictedPoints = this.rest.slice();
     this.errors = new Float32Array(3 * n);
     this.colors = new Float32Array(3 * n);
-    this.body = createLayer(this.rest.slice(), faces);
-    this.predicted = createLayer(this.rest.slice(), faces);
+    const edges = featureEdges(this.rest, faces);
+    this.body = createLayer(this.rest, faces, edges);
+    this.predicted = createLayer(this.rest, faces, edges);
     this.wires.geometry.setAttribute("position", new BufferAttribute(this.predictedPoints, 3));
     this.wires.geometry.setIndex(new BufferAttribute(meshEdges(faces), 1));
     this.wires.frustumCulled = false;

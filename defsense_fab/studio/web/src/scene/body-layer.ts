@@ -8,7 +8,6 @@ import {
   LineBasicMaterial,
   LineSegments,
   Mesh,
-  MeshBasicMaterial,
 } from "three";
 import type { NumberArray } from "../protocol/connection";
 import { computeNormals, creaseMesh } from "./body-geometry";
@@ -25,12 +24,7 @@ export class BodyLayer {
   readonly object = new Group();
   readonly box = new Box3();
   private readonly material = bodyMaterial();
-  private readonly depthMaterial = new MeshBasicMaterial({
-    colorWrite: false,
-    polygonOffset: true,
-    polygonOffsetFactor: 1,
-    polygonOffsetUnits: 1,
-  });
+  private readonly depthMaterial = bodyMaterial();
   private readonly edgeMaterial = new LineBasicMaterial({ transparent: true, opacity: 0.75 });
   private readonly mesh = new Mesh(new BufferGeometry(), this.material);
   private readonly depthMesh = new Mesh(this.mesh.geometry, this.depthMaterial);
@@ -48,6 +42,8 @@ export class BodyLayer {
     private readonly onChange: () => void,
     private readonly onShape: () => void,
   ) {
+    this.depthMaterial.colorWrite = false;
+    this.depthMaterial.stencilWrite = false;
     this.depthMesh.renderOrder = ORDER.bodyDepth;
     this.lines.renderOrder = ORDER.edges;
     this.object.add(this.depthMesh, this.mesh, this.lines);

@@ -18,6 +18,7 @@ const CHANGE_MS = 320;
 const FIT_MARGIN = 1.16;
 /** Directions of view that are closer to the vertical have no right and left. */
 const LARGEST_HEIGHT_RAD = Math.PI / 2 - 0.02;
+const FIT_STEPS = 4;
 const UP = new Vector3(0, 0, 1);
 const IS_MOTION_REDUCED = matchMedia("(prefers-reduced-motion: reduce)");
 
@@ -268,20 +269,33 @@ export class CameraRig {
     this.onChange();
   }
 
+  /** Return the view from a direction that shows all corners of the bounds in the middle. */
   private fitted(turn: Quaternion, up: Vector3, fieldDeg: number): View {
     const inverse = turn.clone().invert();
+    const isFlat = fieldDeg < SMALLEST_FIELD_DEG;
     const slope = tangent(Math.max(fieldDeg, SMALLEST_FIELD_DEG)) / FIT_MARGIN;
     const aspect = this.width / this.height;
-    let distance = 0;
+    const points = this.corners.map((corner) =>
+      corner.clone().sub(this.bounds.center).applyQuaternion(inverse),
+    );
+    const middle = new Vector3();
+    let distance = this.bounds.radius * 4;
     let height = 1;
-    for (const corner of this.corners) {
-      const p = corner.clone().sub(this.bounds.center).applyQuaternion(inverse);
-      const half = Math.max(Math.abs(p.y), Math.abs(p.x) / aspect);
-      distance = Math.max(distance, half / slope + p.z);
-      height = Math.max(height, 2 * half * FIT_MARGIN);
+    for (let step = 0; step < FIT_STEPS; step++) {
+      // Nearer points appear farther from the middle.
+      const scales = points.map(({ z }) => (isFlat ? 1 : distance / (distance - z)));
+      const xs = points.map(({ x }, i) => (x - middle.x) * scales[i]!);
+      const ys = points.map(({ y }, i) => (y - middle.y) * scales[i]!);
+      middle.x += (Math.min(...xs) + Math.max(...xs)) / 2;
+      middle.y += (Math.min(...ys) + Math.max(...ys)) / 2;
+      const halves = points.map(({ x, y }) =>
+        Math.max(Math.abs(y - middle.y), Math.abs(x - middle.x) / aspect),
+      );
+      distance = Math.max(...points.map(({ z }, i) => halves[i]! / slope + z));
+      height = isFlat ? 2 * FIT_MARGIN * Math.max(...halves) : 2 * distance * tangent(fieldDeg);
     }
-    if (fieldDeg >= SMALLEST_FIELD_DEG) height = 2 * distance * tangent(fieldDeg);
-    return { target: this.bounds.center.clone(), turn, up: up.clone(), height, fieldDeg };
+    const target = middle.applyQuaternion(turn).add(this.bounds.center);
+    return { target, turn, up: up.clone(), height, fieldDeg };
   }
 }
 

@@ -11,6 +11,8 @@ export interface HandleActions {
   /** An arrow key was pressed: one of -1, 0 and 1 to the right and upward. */
   onArrow: (right: number, up: number, isLarge: boolean) => void;
   onDelete?: () => void;
+  /** A menu is requested at a place of the window. */
+  onMenu?: (x: number, y: number) => void;
 }
 
 const DRAG_PX = 3;
@@ -43,12 +45,13 @@ export class HandleButton {
     element.addEventListener("pointercancel", () => this.cancel());
     element.addEventListener("click", () => actions.onSelect?.());
     element.addEventListener("keydown", (event) => this.onKey(event));
-    element.addEventListener("contextmenu", (event) => event.preventDefault());
+    element.addEventListener("contextmenu", (event) => {
+      event.preventDefault();
+      const { left, bottom } = element.getBoundingClientRect();
+      const isByKey = event.clientX === 0 && event.clientY === 0;
+      actions.onMenu?.(isByKey ? left : event.clientX, isByKey ? bottom : event.clientY);
+    });
     viewer.overlay.append(element);
-  }
-
-  get isBusy(): boolean {
-    return this.isDragged;
   }
 
   setName(name: string): void {

@@ -22,6 +22,8 @@ export interface HandleEvents {
   /** A point is moved by a key. */
   onMove(index: number, to: number[]): void;
   onDelete(index: number): void;
+  /** A menu of a point is requested at a place of the window. */
+  onMenu(index: number, x: number, y: number): void;
 }
 
 export class CordHandles {
@@ -47,8 +49,10 @@ export class CordHandles {
     this.stopListening = viewer.onFrame(() => this.place());
   }
 
-  get isDragged(): boolean {
-    return [...this.points, ...this.tangents].some(({ isBusy }) => isBusy);
+  /** Pixels of the control points. */
+  pixels(): [number, number][] {
+    const { shape } = this;
+    return (shape?.points ?? []).map((point) => this.pixel(pointToWorld(shape!, point)));
   }
 
   /** Show the handles of a cord, or none. */
@@ -105,6 +109,7 @@ export class CordHandles {
         this.events.onMove(index, to);
       },
       onDelete: () => this.events.onDelete(index),
+      onMenu: (x, y) => this.events.onMenu(index, x, y),
     });
   }
 
@@ -126,6 +131,7 @@ export class CordHandles {
         send(this.stepped(tangent, right * step, up * step), this.pixel(this.tangentEnd(end)));
         this.events.onDrop();
       },
+      onMenu: (x, y) => this.events.onMenu(this.selected, x, y),
     });
     button.setName(`${end === 0 ? "Forward" : "Backward"} tangent`);
     return button;
@@ -167,9 +173,10 @@ export class CordHandles {
     const { shape } = this;
     this.svg.style.visibility = this.tangents.length ? "visible" : "hidden";
     if (!shape) return;
-    this.points.forEach((button, i) => button.place(this.pixel(pointToWorld(shape, shape.points[i]!))));
+    const pixels = this.pixels();
+    this.points.forEach((button, i) => button.place(pixels[i]!));
     if (!this.tangents.length) return;
-    const [x, y] = this.pixel(pointToWorld(shape, shape.points[this.selected]!));
+    const [x, y] = pixels[this.selected]!;
     this.tangents.forEach((button, end) => {
       const [u, v] = this.pixel(this.tangentEnd(end));
       button.place([u, v]);

@@ -32,6 +32,7 @@ interface Box {
 }
 
 const GAP_PX = 4;
+const OBSTACLE_PX = 7;
 /** Where a label may be, from its place to its middle, in units of its half size and a stem. */
 const SIDES = [
   [0.8, -1], [-0.8, -1], [0.8, 1], [-0.8, 1], [0, -1], [0, 1], [1, 0], [-1, 0],
@@ -41,6 +42,8 @@ const SVG = "http://www.w3.org/2000/svg";
 
 export class LabelLayer {
   readonly element = document.createElement("div");
+  /** Pixels that labels leave free, such as those of handles. */
+  obstacles: () => [number, number][] = () => [];
   private readonly stems = document.createElementNS(SVG, "svg");
   private readonly groups = new Map<string, Label[]>();
   private readonly entries = new Map<string, Entry>();
@@ -102,7 +105,12 @@ export class LabelLayer {
   }
 
   private arrange(): void {
-    const used: Box[] = [];
+    const used: Box[] = this.obstacles().map(([x, y]) => ({
+      left: x - OBSTACLE_PX,
+      top: y - OBSTACLE_PX,
+      right: x + OBSTACLE_PX,
+      bottom: y + OBSTACLE_PX,
+    }));
     const { width, height } = this.viewer;
     const entries = [...this.entries.values()].sort((a, b) => b.label.priority - a.label.priority);
     for (const entry of entries) {

@@ -39,6 +39,7 @@ export class PlaneHandle {
   ) {
     this.svg.setAttribute("class", "viewer-lines");
     this.svg.setAttribute("aria-hidden", "true");
+    this.arrow.setAttribute("class", "arrow");
     this.svg.append(this.arrow, ...this.arcs);
     for (const arc of this.arcs) arc.setAttribute("class", "arc");
     viewer.overlay.append(this.svg);
@@ -68,7 +69,7 @@ export class PlaneHandle {
         onDrag: (x, y) => this.dragTurn(axis, x, y),
         onArrow: (right, up, isLarge) => {
           const degrees = (right + up) * STEP_DEG * (isLarge ? LARGE_STEPS : 1);
-          this.report(this.turned(this.frame!, axis, degrees), `${degrees}\u00b0`, this.tip());
+          this.report(this.turned(this.frame!, axis, degrees), angleText(degrees), this.tip());
           end.onDrop();
         },
       });
@@ -112,7 +113,7 @@ export class PlaneHandle {
     this.start ??= { frame: this.frame!, value: angle };
     let degrees = Math.round(((angle - this.start.value) * 180) / Math.PI);
     degrees = ((((degrees + 180) % 360) + 360) % 360) - 180;
-    this.report(this.turned(this.start.frame, axis, degrees), `${degrees}\u00b0`, [x, y]);
+    this.report(this.turned(this.start.frame, axis, degrees), angleText(degrees), [x, y]);
   }
 
   private report(frame: Frame, text: string, pixel: [number, number]): void {
@@ -198,7 +199,7 @@ export class PlaneHandle {
     const normal = this.axis(this.frame, 2);
     const [x, y] = this.viewer.project(this.center);
     const [u, v] = this.tip();
-    this.arrow.setAttribute("d", `M${x} ${y}L${u} ${v}`);
+    this.arrow.setAttribute("d", arrowPath(x, y, u, v));
     this.shift.place([u, v]);
     this.turns.forEach((button, axis) => {
       const toward = this.axis(this.frame!, 1 - axis);
@@ -212,10 +213,23 @@ export class PlaneHandle {
   }
 }
 
+/** Return a line with a filled head, around the pixel that is dragged. */
+function arrowPath(x: number, y: number, u: number, v: number): string {
+  const length = Math.hypot(u - x, v - y) || 1;
+  const [dx, dy] = [(u - x) / length, (v - y) / length];
+  const at = (along: number, across: number) =>
+    `${u + along * dx - across * dy} ${v + along * dy + across * dx}`;
+  return `M${x} ${y}L${at(-8, 0)}M${at(9, 0)}L${at(-8, 7)}L${at(-8, -7)}Z`;
+}
+
 function shifted({ origin, axes }: Frame, distance: number): Frame {
   return { origin: origin.map((v, k) => v + distance * axes[2]![k]!), axes };
 }
 
 function distanceText(distance: number): string {
-  return `${distance.toFixed(1)} mm`;
+  return `${distance.toFixed(1).replace("-", "\u2212")} mm`;
+}
+
+function angleText(degrees: number): string {
+  return `${degrees}\u00b0`.replace("-", "\u2212");
 }

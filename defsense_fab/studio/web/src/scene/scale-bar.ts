@@ -20,6 +20,10 @@ export class ScaleBar {
     });
   }
 
+  setHidden(isHidden: boolean): void {
+    this.element.hidden = isHidden;
+  }
+
   dispose(): void {
     this.stopListening();
     this.element.remove();

@@ -35,7 +35,8 @@ const BODY_VERTEX = /* glsl */ `
     #else
       vColor = base;
     #endif
-    gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+    // In the order of three's own materials, so that a pass for the depth has equal values.
+    gl_Position = projectionMatrix * (modelViewMatrix * vec4(position, 1.0));
   }
 `;
 

@@ -7,12 +7,14 @@ import {
   hovered,
   isHidden,
   type Item,
+  isSame,
   isSelected,
   select,
   selectedNames,
   selection,
 } from "../state/selection";
-import { openContextMenu } from "../ui/menu";
+import { type MenuEntry, openContextMenu } from "../ui/menu";
+import type { Label } from "./label-layer";
 import type { Pick } from "./types";
 import { Viewer } from "./viewer";
 
@@ -24,6 +26,9 @@ export const isBodyShown = signal(true);
 export const areCordsShown = signal(true);
 /** Opacity of the body, 0 to 1. */
 export const bodyOpacity = signal(1);
+
+/** The menu of the selected cords; a step can replace it. */
+export const cordMenuEntries = signal<() => readonly MenuEntry[]>(cordMenu);
 
 /** What a step does with clicks and menus in the scene before cords are selected. */
 export interface SceneTool {
@@ -61,7 +66,11 @@ export function openStage(host: HTMLElement): () => void {
     effect(() => shown.cords.setHovered(hovered.value?.kind === "cord" ? hovered.value.name : "")),
   ];
   shown.picker.listen({
-    onHover: (pick) => (hovered.value = itemOf(pick)),
+    onHover: (pick) => {
+      const item = itemOf(pick);
+      if (!isSame(item, hovered.peek())) hovered.value = item;
+      shown.labels.set("hovered", pick && item ? [nameLabel(item, pick)] : []);
+    },
     onClick: (pick, event) => {
       if (tool.value?.onClick?.(pick, event)) return;
       const item = itemOf(pick);
@@ -74,7 +83,7 @@ export function openStage(host: HTMLElement): () => void {
       const item = itemOf(pick);
       if (!item) return;
       if (!isSelected(item)) select(item);
-      openContextMenu({ x, y }, "Cord", cordMenu());
+      openContextMenu({ x, y }, `Actions for ${item.name}`, cordMenuEntries.peek()());
     },
   });
   viewer.value = shown;
@@ -83,6 +92,10 @@ export function openStage(host: HTMLElement): () => void {
     for (const stop of stops) stop();
     shown.dispose();
   };
+}
+
+function nameLabel({ name }: Item, { point }: Pick): Label {
+  return { id: "hovered", text: name, at: point, tone: "plain", priority: 20 };
 }
 
 function itemOf(pick: Pick | null): Item | null {

@@ -10,8 +10,6 @@ export interface SceneColors {
   outline: string;
   hover: string;
   broken: string;
-  grid: string;
-  section: string;
 }
 
 const LIGHT: SceneColors = {
@@ -20,11 +18,9 @@ const LIGHT: SceneColors = {
   body: "#c9d0d8",
   edge: "#5b6673",
   shadow: 0.42,
-  outline: "#0b63ce",
-  hover: "#5b9bea",
+  outline: "#101b2a",
+  hover: "#3d4b5c",
   broken: "#d11a2a",
-  grid: "#6b7785",
-  section: "#1f2933",
 };
 
 const DARK: SceneColors = {
@@ -33,11 +29,9 @@ const DARK: SceneColors = {
   body: "#79838f",
   edge: "#c3ccd6",
   shadow: 0.7,
-  outline: "#6cb0ff",
-  hover: "#3f7fc8",
+  outline: "#ffffff",
+  hover: "#c3ccd6",
   broken: "#ff5a5f",
-  grid: "#8b97a5",
-  section: "#eef2f6",
 };
 
 const SYSTEM = matchMedia("(prefers-color-scheme: dark)");

@@ -69,7 +69,7 @@ export class Tube {
     }
   }
 
-  /** Copy a ring to an end, with the normals of a flat cap. */
+  /** Copy a ring to an end; normals turn outward on both, so that outlines are closed there. */
   private closeEnd(to: number, from: number, inner: number[], outer: number[]): void {
     const position = this.values("position");
     const normal = this.values("normal");
@@ -79,7 +79,8 @@ export class Tube {
       const [a, b] = [to * SIDES + k, from * SIDES + k];
       for (let axis = 0; axis < 3; axis++) {
         position[3 * a + axis] = position[3 * b + axis]!;
-        normal[3 * a + axis] = n[axis]!;
+        normal[3 * b + axis] = (normal[3 * b + axis]! + n[axis]!) * Math.SQRT1_2;
+        normal[3 * a + axis] = normal[3 * b + axis]!;
       }
       this.values("along")[a] = this.values("along")[b]!;
       this.values("broken")[a] = this.values("broken")[b]!;

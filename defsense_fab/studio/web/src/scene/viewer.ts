@@ -68,6 +68,11 @@ export class Viewer {
     this.canvas.setAttribute("role", "application");
     this.canvas.setAttribute("aria-label", "Scene");
     this.overlay.className = "viewer-overlay";
+    // Handles and labels do not keep the wheel from the camera.
+    this.overlay.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.canvas.dispatchEvent(new WheelEvent("wheel", event));
+    });
     host.classList.add("viewer");
     host.append(this.canvas, this.overlay);
     this.rig = new CameraRig(this.canvas, () => this.invalidate());
@@ -124,6 +129,11 @@ export class Viewer {
     return [((x + 1) / 2) * this.width, ((1 - y) / 2) * this.height];
   }
 
+  /** Return the pixel of a place in the scene, mm. */
+  projectAt(x: number, y: number, z: number): [number, number] {
+    return this.project(new Vector3(x, y, z));
+  }
+
   /** Return the ray of view through a pixel. */
   rayAt(x: number, y: number): Ray {
     const [u, v] = [(2 * x) / this.width - 1, 1 - (2 * y) / this.height];
@@ -138,10 +148,11 @@ export class Viewer {
     return [event.clientX - left, event.clientY - top];
   }
 
-  /** Hide the shadow and the cube, as for drawing in a plane. */
+  /** Hide the shadow, the cube and the scale, as for drawing in a plane. */
   setPlain(isPlain: boolean): void {
     this.shadow.object.visible = !isPlain;
     this.cube.setHidden(isPlain);
+    this.scale.setHidden(isPlain);
   }
 
   dispose(): void {

@@ -1,7 +1,8 @@
 import { useEffect, useRef } from "preact/hooks";
+import { openStage, viewer } from "../scene/stage";
+import { ViewTools } from "../scene/view-tools";
 import { step } from "../state/step";
 import { stepPanels } from "../steps/registry";
-import { openStage, viewer } from "../scene/stage";
 
 /** The 3D scene, with what the entered step shows in it. */
 export function SceneHost() {
@@ -10,5 +11,10 @@ export function SceneHost() {
   const shown = viewer.value;
   const scene = stepPanels(step.value)?.scene;
   useEffect(() => (shown && scene ? scene(shown) : undefined), [shown, scene]);
-  return <div class="scene-host" ref={host} />;
+  return (
+    <>
+      <div class="scene-host" ref={host} />
+      {shown && <ViewTools viewer={shown} />}
+    </>
+  );
 }

@@ -1,6 +1,9 @@
 // Registers the panels of all steps. A step that has none yet shows its state.
 import { STEPS } from "../state/step";
+import { registerStep, stepPanels } from "./registry";
+import "./sensors";
 import { StepOverview } from "./step-overview";
-import { registerStep } from "./registry";
 
-for (const name of STEPS) registerStep(name, { inspector: StepOverview });
+for (const name of STEPS) {
+  if (!stepPanels(name)) registerStep(name, { inspector: StepOverview });
+}

@@ -1,0 +1,13 @@
+// The step Sensors: cords are drawn, dragged and judged.
+import { registerStep } from "../registry";
+import { SensorsInspector } from "./inspector";
+import { PredictionPanel } from "./prediction-panel";
+import "./sensors.css";
+import { SensorsToolbar } from "./toolbar";
+
+registerStep("sensors", {
+  inspector: SensorsInspector,
+  toolbar: SensorsToolbar,
+  bottom: PredictionPanel,
+  bottomTitle: "Expected error and signals",
+});

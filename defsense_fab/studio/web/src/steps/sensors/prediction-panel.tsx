@@ -1,0 +1,149 @@
+// The panel below the scene: expected error, drawn and built, by pose, with signals and limits.
+import { useRef } from "preact/hooks";
+import type { Judgement } from "../../protocol/messages";
+import { NextButton } from "../../shell/next-button";
+import { device, prediction } from "../../state/connection";
+import { hovered, isSame, isSelected, select } from "../../state/selection";
+import { EmptyState } from "../../ui/feedback";
+import { Icon } from "../../ui/icons";
+import { tooltip } from "../../ui/tooltip";
+import { ErrorBar, roundUp, SignalBar } from "./bars";
+import { limitTitle, showViolation } from "./limit-labels";
+import { draggedJudgement, judgement } from "./state";
+
+/** Lines of the scale of errors. */
+const SCALE_PARTS = 4;
+
+export function PredictionPanel() {
+  const state = prediction.value;
+  const shown = judgement.value;
+  if (!state) return null;
+  if (!state.isReady && !shown) {
+    return <EmptyState icon="measure" text={state.text} action={<NextButton variant="plain" />} />;
+  }
+  return (
+    <div class="prediction" aria-busy={state.isComputing}>
+      <div class="prediction-summary">
+        <Headline />
+        {state.drawnProblem && <p class="problem-text">{state.drawnProblem.text}</p>}
+        {shown && <Limits judgement={shown} />}
+      </div>
+      {shown && shown.poses.length > 0 && (
+        <div class="pose-scroll">
+          <PoseTable judgement={shown} />
+        </div>
+      )}
+    </div>
+  );
+}
+
+function Headline() {
+  const { built, isBuiltDrawn } = prediction.value!;
+  const { error = null, trained = null } = judgement.value ?? {};
+  const hasChanged = draggedJudgement.value !== null;
+  return (
+    <>
+      <p class="headline" aria-live="polite">
+        <strong>{error === null ? "No error" : `${error.toFixed(2)} mm`}</strong>
+        <span>drawn</span>
+        <span class="separator">/</span>
+        {built !== null && <strong>{built.toFixed(2)} mm</strong>}
+        <span>{built === null ? "not built" : "built"}</span>
+      </p>
+      <p class="muted">
+        {trained !== null && !hasChanged && `${trained.toFixed(2)} mm after training. `}
+        {built !== null && (isBuiltDrawn ? "The drawn cords are built." : "Changed since the build.")}
+      </p>
+    </>
+  );
+}
+
+function Limits({ judgement: { violations } }: { judgement: Judgement }) {
+  if (violations.length === 0) return <p class="kept">All limits are kept.</p>;
+  return (
+    <ul class="limits" aria-label="Broken limits">
+      {violations.map((violation, i) => (
+        <li key={i}>
+          <button
+            type="button"
+            class="limit"
+            {...tooltip(violation.text)}
+            onClick={() => showViolation(violation)}
+          >
+            <Icon name="warning" size={14} />
+            <span>
+              {limitTitle(violation)}: {violation.cords.join(", ")}
+            </span>
+          </button>
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+/** A scale that stays while something is dragged, and fits otherwise. */
+function useScale(largest: number): number {
+  const scale = useRef(0);
+  const isFitting = largest > scale.current || largest < scale.current / 5;
+  if (draggedJudgement.value === null && largest > 0 && isFitting) {
+    scale.current = roundUp(largest * 1.05);
+  }
+  return scale.current || 1;
+}
+
+function PoseTable({ judgement: { poses } }: { judgement: Judgement }) {
+  const cords = device.value?.cords ?? [];
+  const errorScale = useScale(Math.max(...poses.map(({ error }) => error)));
+  const signals = poses.flatMap((pose) => pose.signals.map(Math.abs));
+  const signalScale = useScale(Math.max(0, ...signals));
+  const lines = Array.from({ length: SCALE_PARTS + 1 }, (_, i) => (errorScale * i) / SCALE_PARTS);
+  return (
+    <table class="pose-table">
+      <caption class="visually-hidden">Expected error and signals of each pose</caption>
+      <thead>
+        <tr>
+          <th scope="col">Pose</th>
+          <th scope="col" class="error-column">
+            <span class="visually-hidden">Error</span>
+            <span class="error-scale" aria-hidden="true">
+              {lines.map((value) => (
+                <span key={value}>{Number(value.toPrecision(2))}</span>
+              ))}
+            </span>
+          </th>
+          {cords.map(({ name, color }) => (
+            <th key={name} scope="col">
+              <button
+                type="button"
+                class="cord-heading"
+                aria-pressed={isSelected({ kind: "cord", name })}
+                data-hovered={isSame(hovered.value, { kind: "cord", name }) || undefined}
+                onClick={(event) => select({ kind: "cord", name }, event.shiftKey || event.ctrlKey)}
+                onPointerEnter={() => (hovered.value = { kind: "cord", name })}
+                onPointerLeave={() => (hovered.value = null)}
+              >
+                <span class="swatch" style={{ background: color }} />
+                {name}
+              </button>
+            </th>
+          ))}
+        </tr>
+      </thead>
+      <tbody>
+        {poses.map(({ pose, error, signals: values }) => (
+          <tr key={pose}>
+            <th scope="row">{pose}</th>
+            <td class="error-column">
+              <ErrorBar error={error} scale={errorScale} />
+            </td>
+            {cords.map(({ name }, i) => (
+              <td key={name}>
+                {values[i] !== undefined && <SignalBar signal={values[i]} scale={signalScale} />}
+              </td>
+            ))}
+          </tr>
+        ))}
+      </tbody>
+    </table>
+  );
+}

@@ -1,0 +1,172 @@
+// Commands of the step Sensors, in addition to those on selected cords.
+import type { Command } from "../../commands";
+import type { CordState } from "../../protocol/messages";
+import { viewer } from "../../scene/stage";
+import { connection, device, prediction } from "../../state/connection";
+import { run } from "../../state/run";
+import { select, selectedNames } from "../../state/selection";
+import { type MenuEntry, commandEntry, openContextMenu } from "../../ui/menu";
+import { planeAcross } from "./planes";
+import {
+  drawingFrame,
+  isDrawing,
+  isPlaneShown,
+  isRedrawing,
+  proposalShare,
+  selectedCord,
+  selectedPoint,
+} from "./state";
+
+async function add(request: Promise<{ name: string } | null>): Promise<void> {
+  const added = await run(request);
+  if (added) select({ kind: "cord", name: added.name });
+}
+
+/** Draw in the plane of the selected cord, or else through the middle of the body. */
+export function startDrawing(isNewPath = false): void {
+  const cord = selectedCord.peek();
+  const box = viewer.peek()?.body.box;
+  if (!box || box.isEmpty()) return;
+  isRedrawing.value = isNewPath && cord !== null;
+  if (cord?.isPlanar) {
+    drawingFrame.value = { origin: cord.origin, axes: cord.axes };
+    return;
+  }
+  const size = [box.max.x - box.min.x, box.max.y - box.min.y, box.max.z - box.min.z];
+  const axis = (["x", "y", "z"] as const)[size.indexOf(Math.min(...size))]!;
+  drawingFrame.value = planeAcross(axis, middleOf(box));
+}
+
+export function middleOf({ min, max }: { min: Vector; max: Vector }): number[] {
+  return [(min.x + max.x) / 2, (min.y + max.y) / 2, (min.z + max.z) / 2];
+}
+
+interface Vector {
+  x: number;
+  y: number;
+  z: number;
+}
+
+export function stopDrawing(): void {
+  drawingFrame.value = null;
+}
+
+/** Add a control point in the middle of the longest span, or of the one after the selected point. */
+export function addPoint({ name, points }: CordState): void {
+  const spans = points.slice(1).map((p, i) => Math.hypot(...p.map((v, k) => v - points[i]![k]!)));
+  const chosen = selectedPoint.peek();
+  const span =
+    chosen >= 0 ? Math.min(chosen, spans.length - 1) : spans.indexOf(Math.max(...spans));
+  const at = points[span]!.map((v, k) => (v + points[span + 1]![k]!) / 2);
+  void run(connection.send("insert-point", { cord: name, before: span + 1, at })).then((answer) => {
+    if (answer !== undefined) selectedPoint.value = span + 1;
+  });
+}
+
+/** Select the next cord in the list. */
+function selectNext(): void {
+  const names = (device.peek()?.cords ?? []).map(({ name }) => name);
+  const last = names.indexOf(selectedNames("cord").at(-1) ?? "");
+  if (names.length) select({ kind: "cord", name: names[(last + 1) % names.length]! });
+}
+
+function openMirrorMenu(): void {
+  const entries = ["x", "y", "z"].flatMap((axis) => commandEntry(`cord.mirror-${axis}`, "mirror"));
+  const rect = viewer.peek()?.canvas.getBoundingClientRect();
+  if (!rect) return;
+  const point = { x: rect.left + rect.width / 2, y: rect.top + rect.height / 2 };
+  openContextMenu(point, "Mirror across", entries);
+}
+
+const hasCord = () => selectedCord.value !== null;
+const canPropose = () => Boolean(prediction.value?.isReady) && proposalShare.value === null;
+
+export const sensorCommands = (): readonly Command[] => [
+  {
+    id: "sensor.draw",
+    label: "Draw a cord",
+    hint: "Draw a path in a plane",
+    group: "Sensors",
+    shortcut: "D",
+    run: () => (isDrawing.peek() ? stopDrawing() : startDrawing()),
+  },
+  {
+    id: "sensor.straight",
+    label: "Add a straight cord",
+    hint: "Add a cord along the middle of the body",
+    group: "Sensors",
+    shortcut: "N",
+    run: () => void add(connection.send("add-straight", {})),
+  },
+  {
+    id: "sensor.propose",
+    label: "Propose a cord",
+    hint: "Add the cord that lowers the error most",
+    group: "Sensors",
+    shortcut: "P",
+    when: canPropose,
+    run: () => void add(connection.send("propose", {})),
+  },
+  {
+    id: "sensor.next",
+    label: "Select the next cord",
+    group: "Sensors",
+    shortcut: "C",
+    run: selectNext,
+  },
+  {
+    id: "sensor.mirror",
+    label: "Mirror",
+    group: "Sensors",
+    shortcut: "M",
+    when: hasCord,
+    run: openMirrorMenu,
+  },
+  {
+    id: "sensor.redraw",
+    label: "Draw a new path",
+    hint: "Replace the path of the selected cord by a stroke",
+    group: "Sensors",
+    shortcut: "Shift+D",
+    when: hasCord,
+    run: () => startDrawing(true),
+  },
+  {
+    id: "sensor.smooth",
+    label: "Smooth",
+    hint: "Compute the tangents from the control points",
+    group: "Sensors",
+    shortcut: "S",
+    when: hasCord,
+    run: () => void run(connection.send("smooth-cord", { cord: selectedCord.peek()!.name })),
+  },
+  {
+    id: "sensor.add-point",
+    label: "Add a point",
+    group: "Sensors",
+    shortcut: "A",
+    when: hasCord,
+    run: () => addPoint(selectedCord.peek()!),
+  },
+  {
+    id: "sensor.plane",
+    label: "Move the plane",
+    hint: "Show an arrow and two arcs that move the plane of the cord",
+    group: "Sensors",
+    shortcut: "G",
+    when: () => Boolean(selectedCord.value?.isPlanar),
+    run: () => {
+      isPlaneShown.value = !isPlaneShown.peek();
+    },
+  },
+];
+
+/** Entries of the menu of a cord that is selected. */
+export function sensorMenu(): MenuEntry[] {
+  return [
+    ...commandEntry("sensor.smooth", "cord"),
+    ...commandEntry("sensor.add-point", "plus"),
+    ...commandEntry("sensor.redraw", "draw"),
+    ...commandEntry("sensor.plane", "section"),
+  ];
+}

@@ -1,0 +1,40 @@
+// What the step Sensors keeps in this browser.
+import { computed, signal } from "@preact/signals";
+import type { CordState, Judgement } from "../../protocol/messages";
+import type { Frame } from "../../scene/types";
+import { connection, device, prediction } from "../../state/connection";
+import { selectedNames } from "../../state/selection";
+
+/** The plane that is drawn in; null while cords are selected and moved. */
+export const drawingFrame = signal<Frame | null>(null);
+
+/** Whether a stroke is drawn as the new path of the selected cord. */
+export const isRedrawing = signal(false);
+
+/** Whether the handle of the selected cord's plane is shown. */
+export const isPlaneShown = signal(false);
+
+/** The selected control point of the selected cord; -1 for none. */
+export const selectedPoint = signal(-1);
+
+/** What is expected of the cords while one is dragged. */
+export const draggedJudgement = signal<Judgement | null>(null);
+
+/** What is expected of the cords as they are shown. */
+export const judgement = computed(
+  () => draggedJudgement.value ?? prediction.value?.drawn ?? null,
+);
+
+export const isDrawing = computed(() => drawingFrame.value !== null);
+
+/** The cord that is selected alone. */
+export const selectedCord = computed<CordState | null>(() => {
+  const names = selectedNames("cord");
+  if (names.length !== 1) return null;
+  return device.value?.cords.find(({ name }) => name === names[0]) ?? null;
+});
+
+/** Share of the search for another cord that is completed; null while none runs. */
+export const proposalShare = computed(
+  () => connection.event("proposal-progress").value?.share ?? null,
+);
