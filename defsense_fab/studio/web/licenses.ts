@@ -1,6 +1,6 @@
 // The licenses of the packages in the page: in a file, and in three.js, which reports copy.
 import type { Plugin } from "vite";
-import lock from "./package-lock.json";
+import lock from "./package-lock.json" with { type: "json" };
 
 const FILE = "LICENSES.txt";
 const RULE = "-".repeat(80);

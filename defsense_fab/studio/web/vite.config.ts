@@ -1,6 +1,6 @@
 import preact from "@preact/preset-vite";
 import { defineConfig, type Plugin } from "vite";
-import { licenses } from "./licenses";
+import { licenses } from "./licenses.ts";
 
 // Reports contain three.js and report.js only, so that modules of both pages are in three.js.
 const SHARED_MODULES =
