@@ -26,6 +26,8 @@ import { weightsAt } from "./interpolation";
 import { Part, PosedSurface, type Prediction } from "./surfaces";
 
 const LARGEST_PIXEL_RATIO = 2;
+/** Time between changes of the shadow while something moves, ms. */
+const SHADOW_INTERVAL_MS = 120;
 /** Gap between the simulated and the predicted surface, as a share of the device's size. */
 const GAP = 0.05;
 
@@ -63,6 +65,7 @@ export class DeviceView {
   private shownBox = new Box3();
   private marked: Item | null = null;
   private frame = 0;
+  private shadowTime = 0;
 
   constructor(
     readonly canvas: HTMLCanvasElement,
@@ -170,14 +173,18 @@ export class DeviceView {
       this.frame = 0;
       this.rig.update(now);
       // The first picture does not wait for the shadow.
-      if (this.shadow.isStale && this.frames > 0) {
-        this.shadow.object.visible = true;
-        this.shadow.render(this.renderer, this.scene, this.surfaces, this.shownBox);
-      }
+      if (this.frames > 0) this.updateShadow(now);
       this.renderer.render(this.scene, this.rig.camera);
       this.frames += 1;
       if (this.rig.isChanging || this.shadow.isStale) this.draw();
     });
+  }
+
+  private updateShadow(now: number): void {
+    if (!this.shadow.isStale || now - this.shadowTime < SHADOW_INTERVAL_MS) return;
+    this.shadowTime = now;
+    this.shadow.object.visible = true;
+    this.shadow.render(this.renderer, this.scene, this.surfaces, this.shownBox);
   }
 
   private build(): void {
@@ -199,7 +206,7 @@ export class DeviceView {
     const isPosed = pose !== null;
     if (isPosed) {
       const weights = this.weights();
-      this.surface.pose(weights, colors);
+      this.surface.pose(weights, colors, predicted);
       for (const follower of this.followers) follower.pose(weights);
     } else {
       const shares = this.shares();

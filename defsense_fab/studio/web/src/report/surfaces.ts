@@ -132,15 +132,15 @@ export class PosedSurface {
     this.object.add(this.body.object, this.predicted.object, this.wires);
   }
 
-  /** Blend the states with weights, and color the simulated body. */
-  pose(weights: number[], quantity: Quantity | "none"): void {
+  /** Blend the states with weights; color the simulated body, and move what shows the predicted. */
+  pose(weights: number[], quantity: Quantity | "none", prediction: Prediction): void {
     blend(this.points, this.rest, this.moved, weights);
     blend(this.errors, null, this.missed, weights);
     for (let i = 0; i < this.points.length; i++) {
       this.predictedPoints[i] = this.points[i]! + this.errors[i]!;
     }
     this.body.deform(this.points);
-    this.predicted.deform(this.predictedPoints);
+    if (prediction === "next") this.predicted.deform(this.predictedPoints);
     this.wires.geometry.getAttribute("position").needsUpdate = true;
     if (quantity === "none") this.body.setColors(null);
     else this.body.setColors(this.colorsOf(quantity, weights));
