@@ -119,6 +119,8 @@ export class DeviceView {
   /** Show everything from a side. */
   look(name: ViewName): void {
     this.rig.look(name);
+    // A press before the next frame must not cancel a change without motion.
+    this.rig.update(performance.now());
   }
 
   /** Highlight an item, or none. */
