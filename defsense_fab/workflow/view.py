@@ -11,12 +11,19 @@ import numpy as np
 
 from ..core.arrays import Bool, Float, Int
 from ..core.machine.local_access import Access
+from ..runtime.view import live_messages as live_messages
 from ..runtime.view.guided_screen import GuidedScreen as GuidedScreen
+from ..runtime.view.guided_stream import WebGuidedScreen as WebGuidedScreen
+from ..runtime.view.live_page import GuidedPage as GuidedPage
+from ..runtime.view.live_page import WebLiveView as WebLiveView
+from ..runtime.view.live_page import open_guided_page as open_guided_page
+from ..runtime.view.live_place import LivePlace as LivePlace
 from ..runtime.view.live_scene import LINES as LINES
 from ..runtime.view.live_scene import look_at_body as look_at_body
 from ..runtime.view.live_scene import place_camera as place_camera
 from ..runtime.view.live_scene import tube_faces as tube_faces
 from ..runtime.view.live_scene import tube_vertices as tube_vertices
+from ..runtime.view.live_view import LiveView as LiveView
 from ..runtime.view.live_view import PagePlace as PagePlace
 from ..runtime.view.messages import Arrays as Arrays
 from ..runtime.view.messages import Event as Event
@@ -28,6 +35,8 @@ from ..runtime.view.messages import Result as Result
 from ..runtime.view.messages import Upload as Upload
 from ..runtime.view.page_server import HOST as HOST
 from ..runtime.view.page_server import close_page, serve_page
+from ..runtime.view.surface_arrays import feature_edges as feature_edges
+from ..runtime.view.surface_arrays import surface_arrays as surface_arrays
 from ..runtime.view.web_server import Client as Client
 from ..runtime.view.web_server import Download as Download
 from ..runtime.view.web_server import WebServer as WebServer

@@ -38,6 +38,7 @@ class Page:
 
     def js(self, code):
         """Return the value of an expression in which `view` is the page's view."""
+        self.page.wait_for_function(f"!{VIEW}.rig.isChanging")
         return self.page.evaluate(f"(() => {{ const view = {VIEW}; return {code}; }})()")
 
     def slide(self, name, value):
@@ -201,7 +202,6 @@ def test_keys_turn_zoom_open_and_play(page):
     for _ in range(30):
         canvas.press("ArrowUp")
     canvas.press("2")
-    page.page.wait_for_timeout(300)
     side = page.js(position)
     assert side[0] > 5 * max(abs(side[1]), abs(side[2]), 1)
     canvas.press("o")
@@ -216,10 +216,8 @@ def test_keys_turn_zoom_open_and_play(page):
 def test_the_device_keeps_its_share_of_the_picture_while_joints_open(page):
     corners = "view.rig.corners.map(c => c.clone().project(view.rig.camera))"
     reach = f"Math.max(...{corners}.map(c => Math.max(Math.abs(c.x), Math.abs(c.y))))"
-    page.page.wait_for_timeout(300)
     before = page.js(reach)
     page.slide("open", 1)
-    page.page.wait_for_timeout(300)
     assert page.js(reach) == pytest.approx(before, abs=0.02)
 
 

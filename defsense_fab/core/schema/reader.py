@@ -12,10 +12,12 @@ from msgspec import inspect
 
 from ..errors import DefsenseError
 from .declare import Problem, missing, unknown_choice
+from .fields import Field
 from .key_lines import KeyPath
 from .types import (
     bounds_in_words,
     choices_of,
+    exact,
     in_words,
     is_number,
     is_within,
@@ -196,7 +198,7 @@ class Reader:
             return self._refuse(at, text, "wrong-shape", expected=shape, shape=numbers.shape)
         wrong = [float(x) for x in numbers.flat if not is_within(of, x)]
         if wrong:
-            text = f"each number must be {bounds_in_words(of)}, not {wrong[0]:g}"
+            text = f"each number must be {bounds_in_words(of)}, not {exact(wrong[0])}"
             return self._refuse(at, text, "out-of-range", value=wrong[0])
         return _as_declared(kind, value)
 
@@ -210,7 +212,7 @@ class Reader:
         if is_whole and value != int(value):
             return self._refuse_type(at, whole, value)
         if not is_within(of, value):
-            text = f"must be {bounds_in_words(of)}, not {value:g}"
+            text = f"must be {bounds_in_words(of)}, not {exact(value)}"
             return self._refuse(at, text, "out-of-range", value=value)
         return int(value) if is_whole else float(value)
 
@@ -274,6 +276,33 @@ def _as_declared(kind: inspect.Type, value: Any) -> Any:
 def _shown(value: object) -> str:
     text = repr(value)
     return text if len(text) < _MAX_VALUE_LENGTH else f"{text[: _MAX_VALUE_LENGTH - 3]}..."
+
+
+def check_value(
+    declared: Field, value: object, error: type[DefsenseError], where: str, key: str
+) -> None:
+    """Check one value for a key, before it is rounded and written to a file.
+
+    Args:
+        declared: The key.
+        value: The value.
+        error: Class of the error.
+        where: Place for the message, such as `device.toml: mesh.edge_length`.
+        key: Dotted name of the key, for the error's data.
+
+    Raises:
+        DefsenseError: of the class `error`, if the key does not accept the value.
+    """
+    reader = Reader()
+    reader.read_value(declared.kind, value, (declared.name,))
+    for problem in reader.problems[:1]:
+        raise error(
+            problem.text,
+            code=problem.code,
+            where=where,
+            action=problem.action,
+            **{**problem.data, "key": key},
+        )
 
 
 def validate(table: msgspec.Struct, error: type[DefsenseError]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from decimal import Decimal
 from functools import cache
 from typing import Any
 
@@ -12,6 +13,7 @@ from ..storage.package_data import read_rows
 
 NumberType = inspect.FloatType | inspect.IntType
 
+_MIN_PLAIN, _MAX_PLAIN = 1e-12, 1e15  # between which numbers are written without an exponent
 #: Largest number that is accepted: sums and products of a few stay finite.
 MAX_NUMBER = 1e300
 
@@ -107,6 +109,13 @@ def bounds_in_words(kind: NumberType) -> str:
         (kind.le, "at most {:g}"),
     )
     return " and ".join(text.format(bound) for bound, text in words if bound is not None)
+
+
+def exact(value: float) -> str:
+    """Return a number with all its digits, as a user writes it."""
+    if _MIN_PLAIN < abs(value) < _MAX_PLAIN:
+        return format(Decimal(repr(value)), "f").removesuffix(".0")
+    return repr(value).removesuffix(".0")
 
 
 def shape_in_words(shape: tuple[int | None, ...]) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from ..frames.live_frame import LiveFrame, Note, Quality
 from .live_scene import LINES, LiveScene, ViewedDevice
 from .page_server import close_page, serve_page
+from .panel_actions import PanelActions as PanelActions
 
 _PLOT_DURATION_S = 15.0
 _PLOT_POINTS = 400
@@ -41,26 +42,6 @@ class PagePlace:
 
     server: Any
     folder: Any
-
-
-@dataclass
-class PanelActions:
-    """The actions of the panel's buttons, and the sources of its texts.
-
-    Attributes:
-        rest: Takes the present readings as those at rest; None for no button.
-        record: Starts (True) or stops (False) an animation, and returns a message about it; None
-            for no button.
-        is_recording: Returns whether an animation is being recorded.
-        notes: Returns notes on the whole run, which replace those of the frame.
-        latency: Returns a sentence about the latency.
-    """
-
-    rest: Callable[[], None] | None = None
-    record: Callable[[bool], str] | None = None
-    is_recording: Callable[[], bool] = lambda: False
-    notes: Callable[[], Sequence[Note | str]] | None = None
-    latency: Callable[[], str] | None = None
 
 
 class LivePanel:

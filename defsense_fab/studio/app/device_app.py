@@ -10,6 +10,11 @@ from ..project.agreement import Agreement
 from ..project.project import Project
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
+from ..steps.body.step import BodyStep
+from ..steps.inside.inside_step import InsideStep
+from ..steps.make.step import MakeStep
+from ..steps.measure.measure_step import MeasureStep
+from ..steps.optimize.step import OptimizeStep
 from ..steps.sensors import SensorsStep
 from ..steps.shell import ShellStep
 
@@ -34,7 +39,12 @@ class DeviceApp:
         shell = ShellStep(self.session)
         self.steps: tuple[Step, ...] = (
             shell,
+            BodyStep(self.session),
             SensorsStep(self.session, shell.show_violations),
+            InsideStep(self.session),
+            OptimizeStep(self.session),
+            MakeStep(self.session),
+            MeasureStep(self.session, shell.publish_pipeline),
         )
         self._handlers: dict[type[Request], Handler] = {}
         for step in self.steps:

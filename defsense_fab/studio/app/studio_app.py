@@ -8,13 +8,16 @@ from typing import Any
 
 from ...core.device.device_file import DEVICE
 from ...core.errors import DefsenseError, StorageError
+from ...core.storage.files import write_text
 from ...core.version import __version__
 from ...workflow.view import Client, Download, Event, Problem, Request, WebServer
 from ..messages.catalogue import DECODER
-from ..messages.shell import Page
+from ..messages.shell import Page, Restore
 from ..project.agreement import Agreement
+from ..project.history import last_valid_text
 from ..project.project import Project
 from .device_app import DeviceApp
+from .start_app import StartApp
 
 
 class StudioApp:
@@ -30,7 +33,10 @@ class StudioApp:
 
     Attributes:
         decoder: Reads the requests of browsers.
-        device: The device that is shown, or None.
+        home: Folder of the command line.
+        folder: Folder of the device that is open, or that was open last.
+        device: The device that is open, or None.
+        start: The start page.
 
     Raises:
         StorageError: `folder` is a file.
@@ -46,37 +52,96 @@ class StudioApp:
                 where=folder,
                 action="Give the folder of the device",
             )
-        self._server, self._folder, self._agreement = server, folder, agreement
+        self._server, self._agreement = server, agreement
+        self.home, self.folder = folder, folder
         self._lock = threading.RLock()
         self._page: Event | None = None
+        self._is_closed_by_user = False
+        self._clients: set[Client] = set()
         self.device: DeviceApp | None = None
+        self.start = StartApp(server, self, agreement)
+        self._start_handlers = self.start.handlers
+        self.start.publish()
         self.poll()
+
+    @property
+    def is_device_open(self) -> bool:
+        """Whether a device is open."""
+        return self.device is not None
 
     def poll(self) -> None:
         """Follow changes of the folder by other programs."""
         with self._lock:
             if self.device is not None:
                 self._show("device", self.device.poll())
-            elif (self._folder / DEVICE).exists():
+            elif (self.folder / DEVICE).exists() and not self._is_closed_by_user:
                 self._open_device()
             else:
                 self._show("start", None)
 
+    def check_idle(self) -> None:
+        """Check that no job of the device is running. Raises DefsenseError."""
+        if self.device is not None:
+            self.device.session.jobs.check_idle()
+
+    def open_folder(self, folder: Path) -> None:
+        """Open the device in a folder, in place of the one that is open.
+
+        Raises:
+            DefsenseError: A job of the other device is running.
+        """
+        with self._lock:
+            is_open = self.device is not None and folder.absolute() == self.folder.absolute()
+            if not is_open:
+                self.close_device()
+                self.folder = folder
+                self._is_closed_by_user = False
+                self._open_device()
+
+    def close_device(self) -> None:
+        """Close the device, and show the start page.
+
+        Raises:
+            DefsenseError: A job is running.
+        """
+        with self._lock:
+            self.check_idle()
+            if self.device is not None:
+                self.device.close()
+                self.device = None
+                self._server.forget()
+                self.start.publish()
+            self._is_closed_by_user = True
+            self._page = None
+            self._show("start", None)
+
     def connect(self, client: Client) -> None:
+        with self._lock:
+            self._clients.add(client)
+        self.start.publish_recent()
         if self.device is not None:
             self.device.connect(client)
 
     def disconnect(self, client: Client) -> None:
+        with self._lock:
+            self._clients.discard(client)
+        self.start.disconnect(client)
         if self.device is not None:
             self.device.disconnect(client)
 
     def handle(self, client: Client, request: Request) -> Any:
-        if self.device is None:
-            raise DefsenseError("no device is open", code="no-device")
-        return self.device.handle(client, request)
+        handler = self._start_handlers.get(type(request))
+        if handler is not None:
+            return handler(client, request)
+        if self.device is not None:
+            return self.device.handle(client, request)
+        if isinstance(request, Restore):
+            self._restore()
+            return None
+        raise DefsenseError("no device is open", code="no-device")
 
-    def receive(self, client: Client, name: str, content: bytes) -> None:  # noqa: ARG002
-        raise DefsenseError(f"{name!r} is not expected here", code="upload-not-expected")
+    def receive(self, client: Client, name: str, content: bytes) -> None:
+        self.start.receive(client, name, content)
 
     def download(self, path: str) -> Download | None:
         return None if self.device is None else self.device.download(path)
@@ -87,19 +152,35 @@ class StudioApp:
             if self.device is not None:
                 self.device.close()
 
+    def _restore(self) -> None:
+        """Replace a device file that cannot be read by that of the last applied edit."""
+        text = last_valid_text(self.folder)
+        if text is None:
+            raise DefsenseError(
+                "there is no earlier file of this device",
+                code="nothing-to-restore",
+                action="Fix the file in an editor",
+            )
+        write_text(self.folder / DEVICE, text)
+        self.poll()
+
     def _open_device(self) -> None:
         try:
-            project = Project(self._folder)
+            project = Project(self.folder)
         except DefsenseError as error:
             self._show("broken", Problem.of(error))
             return
         self._server.forget()
         self._page = None
         self.device = DeviceApp(self._server, project, self._agreement)
+        self.start.remember(self.folder, project.device.name)
+        self.start.publish()
         self._show("device", None)
+        for client in tuple(self._clients):
+            self.device.connect(client)
 
     def _show(self, screen: Any, problem: Problem | None) -> None:
-        folder = str(self._folder.absolute())
+        folder = str(self.folder.absolute())
         page = Page(screen=screen, folder=folder, problem=problem, version=__version__)
         if page != self._page:
             self._page = page

@@ -20,6 +20,11 @@ _CORD_KEYS = (
     *("response", "compression", "contact", "min_stretch", "min_bend_radius", "ferrule_diameter"),
     *("ferrule_length", "modulus", *SHEET),
 )
+#: Keys of [cord] that a filament of the catalogue replaces; the size of the traces is kept.
+_TRACE_KEYS = (
+    *("response", "compression", "contact", "min_stretch", "min_bend_radius", "modulus"),
+    *("resistivity", "between_layers", "gauge_factor", "max_strain"),
+)
 
 
 def set_parameter(name: str, value: float | str | bool) -> Edit:
@@ -31,6 +36,19 @@ def set_parameter(name: str, value: float | str | bool) -> Edit:
         parameters[name] = shorten(value)
 
     return Edit(f"set {name} to {shorten(value)}", change)
+
+
+def reset_parameter(name: str) -> Edit:
+    """Remove a parameter of the body's script, so that the script's default applies."""
+
+    def change(document: TOMLDocument) -> None:
+        body: Any = document["body"]
+        parameters = body.get("parameters", {})
+        parameters.pop(name, None)
+        if not parameters:
+            body.pop("parameters", None)
+
+    return Edit(f"reset {name}", change)
 
 
 def set_value(table: str, key: str, value: float | str | bool) -> Edit:
@@ -61,6 +79,11 @@ def choose_cord(name: str) -> Edit:
     return _choose("cord", name, _CORD_KEYS)
 
 
+def choose_trace(name: str) -> Edit:
+    """Choose a conductive filament, and remove the values of the previous one."""
+    return _choose("cord", name, _TRACE_KEYS, "trace")
+
+
 def choose_printer(name: str) -> Edit:
     """Choose a printer of the catalogue."""
     return set_value("fabrication", "process", name)
@@ -68,14 +91,14 @@ def choose_printer(name: str) -> Edit:
 
 def set_edge_length(value: float) -> Edit:
     """Set the edge length of the mesh in mm; it replaces an accuracy."""
+    return _replace_in_mesh(
+        "accuracy", "edge_length", value, f"set the edge length to {shorten(value)} mm"
+    )
 
-    def change(document: TOMLDocument) -> None:
-        mesh: Any = document.setdefault("mesh", {})
-        if "accuracy" in mesh:
-            rename_key(mesh, "accuracy", "edge_length")
-        mesh["edge_length"] = number(value)
 
-    return Edit(f"set the edge length to {number(value)} mm", change)
+def set_accuracy(value: float) -> Edit:
+    """Set the accuracy of the signals; it replaces an edge length of the mesh."""
+    return _replace_in_mesh("edge_length", "accuracy", value, f"set the accuracy to {value:g}")
 
 
 def set_cord_count(count: int) -> Edit:
@@ -128,11 +151,21 @@ def shorten(value: float | str | bool) -> Any:
     return number(value) if abs(value) >= 1 or not value else float(f"{value:.4g}")
 
 
-def _choose(table: str, name: str, keys: tuple[str, ...]) -> Edit:
+def _replace_in_mesh(old: str, new: str, value: float, name: str) -> Edit:
+    def change(document: TOMLDocument) -> None:
+        mesh: Any = document.setdefault("mesh", {})
+        if old in mesh:
+            rename_key(mesh, old, new)
+        mesh[new] = shorten(value)
+
+    return Edit(name, change)
+
+
+def _choose(table: str, name: str, keys: tuple[str, ...], row_key: str = "name") -> Edit:
     def change(document: TOMLDocument) -> None:
         values: Any = document.setdefault(table, {})
         for key in keys:
             values.pop(key, None)
-        values["name"] = name
+        values[row_key] = name
 
     return Edit(f"choose the {table} {name}", change)

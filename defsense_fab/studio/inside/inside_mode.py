@@ -16,11 +16,14 @@ from ..edits.edit import free_name
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.mode import Mode
 from ..workbench.workbench import Workbench
-from .next_cord import NextCordPanel, NextCordSearch, SearchRequest, drop_text
+from .next_cord import NextCordPanel
+from .next_cord_search import NextCordSearch, SearchRequest, drop_text
+from .plane_gizmo import PlaneGizmo
 from .section_panel import SectionPanel
-from .section_picture import SectionPicture, SectionRenderer, SectionRequest
-from .section_planes import PlaneGizmo, axis_plane, first_plane, first_state, plane_offsets
+from .section_picture import SectionPicture, SectionRenderer
+from .section_planes import axis_plane, first_plane, first_state, plane_offsets
 from .section_quantities import NEXT_CORD
+from .section_samples import SectionRequest
 from .section_worker import SectionWorker
 
 _NOT_SIMULATED = "Simulate the poses first to see the inside of the body."

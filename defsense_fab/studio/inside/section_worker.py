@@ -16,8 +16,9 @@ from ..workbench.colors import unlit_mesh
 from ..workbench.cord_tubes import add_tube
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.workbench import Workbench
-from .section_picture import SectionPicture, SectionRenderer, SectionRequest
+from .section_picture import SectionPicture, SectionRenderer
 from .section_quantities import NEXT_CORD
+from .section_samples import SectionRequest
 
 _BODY_COLOR, _CORD_COLOR = (150, 180, 205), (70, 70, 75)
 _NEW_CORD_COLOR, _MARK_COLOR = (230, 97, 1), (20, 20, 20)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from ...core.errors import DefsenseError
@@ -19,6 +18,7 @@ from ...workflow.fabrication.assembly_guide import (
     Note,
     assembly_guide,
 )
+from ..workbench.build_state import BuildState as BuildState
 from ..workbench.controls import on_user
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.mode import Mode
@@ -32,35 +32,6 @@ _TABLES = ("Cut list", "Bill of materials", "Print", "Checked before writing")
 _MARK_COLOR, _MARK_RADIUS = (200, 30, 120), 0.02  # radius times the body's size
 _MAX_COLUMNS = 5  # columns that fit into the panel
 _BUILD_BUTTON = "*Build everything*"
-
-
-@dataclass(frozen=True)
-class BuildState:
-    """Which version of the device the parts belong to.
-
-    Attributes:
-        is_built: Whether there are parts.
-        outdated_stage: Title of the first stage that is outdated, or None if the parts are up to
-            date.
-        error: Error of the last build, or None.
-        changes: Options of the plates that have changed since the build; empty for none.
-        options: Options of the command with which up-to-date parts were built; empty for none.
-    """
-
-    is_built: bool
-    outdated_stage: str | None = None
-    error: str | None = None
-    changes: str = ""
-    options: str = ""
-
-    @property
-    def code(self) -> str:
-        """Identifier of the state: "not-built", "outdated", "other-options" or "up-to-date"."""
-        if not self.is_built:
-            return "not-built"
-        if self.outdated_stage is not None:
-            return "outdated"
-        return "other-options" if self.options else "up-to-date"
 
 
 class MakeMode(Mode):

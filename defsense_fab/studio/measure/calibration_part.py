@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...core.errors import CalibrationError
-from ...core.storage.session_manifest import FILE
 from ...workflow.calibrate.record_specimen import record_specimen
 from ...workflow.calibrate.simulated_specimens import simulate_specimens
 from ..edits.body import use_response
@@ -17,12 +15,11 @@ from ..workbench.workbench import Workbench
 from .guided_task import GuidedTask
 from .panel_job import PanelJob
 from .result_texts import response_text
+from .specimens import RESPONSE_FILE, SIMULATED_PREFIX
+from .specimens import specimen_sessions as specimen_sessions
 
 if TYPE_CHECKING:
     from ...workflow.calibrate.fit_response import FittedResponse
-
-_RESPONSE_FILE = "response.json"
-_SIMULATED_PREFIX = "specimen-twin"  # start of the names of the folders of simulated specimens
 
 
 class CalibrationPart:
@@ -107,7 +104,7 @@ class CalibrationPart:
             simulate_specimens,
             project.folder,
             response=project.device.cord.response,
-            prefix=_SIMULATED_PREFIX,
+            prefix=SIMULATED_PREFIX,
         )
         self.job.start(task, self._show_simulated)
 
@@ -120,7 +117,7 @@ class CalibrationPart:
 
         folder = self._bench.project.folder
         every = specimen_sessions(folder)
-        measured = [p for p in every if not p.name.startswith(_SIMULATED_PREFIX)]
+        measured = [p for p in every if not p.name.startswith(SIMULATED_PREFIX)]
         used = measured or every
         if not used:
             self.status.show_problem(
@@ -130,11 +127,11 @@ class CalibrationPart:
             return
         self._use.visible = False
         self.is_fit_simulated = not measured
-        self.job.start(partial(fit_response, used, folder / _RESPONSE_FILE), self._show_fit)
+        self.job.start(partial(fit_response, used, folder / RESPONSE_FILE), self._show_fit)
 
     def use(self) -> None:
         """Replace the device's response by the fitted one."""
-        if self._bench.apply(use_response(_RESPONSE_FILE)):
+        if self._bench.apply(use_response(RESPONSE_FILE)):
             self.status.show(
                 "The device uses the measured response. Optimize the cords and build it again.",
                 "response-used",
@@ -189,16 +186,3 @@ class CalibrationPart:
                 + text
             )
         self.status.show(text, "response-fitted")
-
-
-def specimen_sessions(folder: Path) -> list[Path]:
-    """Return the sessions on specimens in a folder and in its subfolders, sorted by path."""
-    sessions = []
-    for path in sorted([*folder.glob(f"*/{FILE}"), *folder.glob(f"*/*/{FILE}")]):
-        try:
-            manifest = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError):  # damaged, whatever kind of session it is
-            continue
-        if isinstance(manifest, dict) and "specimen" in manifest:
-            sessions.append(path.parent)
-    return sessions

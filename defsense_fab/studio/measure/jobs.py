@@ -53,6 +53,18 @@ def record_twin(folder: Path, options: TwinOptions, progress: Progress) -> list[
     return [str(path) for path in written.folders]
 
 
+def make_tags(folder: Path, progress: Progress) -> list[str]:
+    """Write the tags of the device in a folder, as `defsense capture markers` does.
+
+    Returns:
+        Notes on the tags.
+    """
+    from ...core.device.device_file import load_device
+    from ...workflow.tags.markers import write_markers
+
+    return list(write_markers(load_device(folder), progress=progress).notes)
+
+
 def process(sessions: Sequence[Path], progress: Progress) -> list[str]:
     """Process recorded sessions, as `defsense capture process` does.
 

@@ -17,7 +17,7 @@ from ...workflow.run.choices import (
 )
 from ...workflow.run.outputs import LIVE_FILE, read_settings
 from ...workflow.run.run import LiveSettings
-from ...workflow.view import PagePlace
+from ...workflow.view import LiveView, PagePlace
 from ..workbench.controls import NONE
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.page_texts import StatusText, bullet_list
@@ -218,7 +218,7 @@ class LivePart:
         """Show the moving device in place of the body, in this mode and while it runs."""
         is_active = is_active and self._bench.mode == self._mode_label
         run, body = self.session.run, self._bench.body
-        if run is not None and run.view is not None:
+        if run is not None and isinstance(run.view, LiveView):
             run.view.scene.visible = is_active
         hides_body = is_active and run is not None
         if body is not None and hides_body != self._hides_body:

@@ -9,10 +9,13 @@ from typing import Any, Union
 
 import msgspec
 
-from ...workflow.view import Event, Reply, Request, Upload
-from . import sensors, shell
+from ...workflow.view import Event, Reply, Request, Upload, live_messages
+from . import body, inside, make, measure, optimize, sensors, shell, start
 
-MODULES: tuple[ModuleType, ...] = (shell, sensors)
+MODULES: tuple[ModuleType, ...] = (
+    *(shell, start, body, inside, sensors, optimize, make, measure),
+    live_messages,
+)
 
 
 def messages(base: type) -> tuple[Any, ...]:

@@ -127,6 +127,7 @@ class Job(Event, frozen=True, kw_only=True):
         share: Completed share, 0 to 1.
         message: What it does now, in words.
         can_pause: Whether it can be paused.
+        gives_way: Whether it is canceled when another job is started.
         problem: Why it failed, or None.
     """
 
@@ -136,6 +137,7 @@ class Job(Event, frozen=True, kw_only=True):
     share: float = 0.0
     message: str = ""
     can_pause: bool = False
+    gives_way: bool = False
     problem: Problem | None = None
 
 

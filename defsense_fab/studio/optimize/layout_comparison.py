@@ -6,20 +6,19 @@ import html
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from ...core.errors import DefsenseError, StorageError
 from ...workflow.build.build import first_outdated
-from ...workflow.build.results import last_build, layout_digest
+from ...workflow.build.results import layout_digest
 from ...workflow.design.compare_layouts import (
     ComparedLayout,
-    compare_layouts,
     estimate_seconds,
     tried_layouts,
 )
 from ...workflow.study.cord_count import studied_layouts
 from ..edits.cords import take_cords
-from ..workbench.background_job import BackgroundJob, JobReporter
+from ..workbench.background_job import BackgroundJob
+from ..workbench.comparison_job import by_error, round_time, run_comparison
 from ..workbench.controls import NONE, on_user
 from ..workbench.cord_tubes import CordTubes
 from ..workbench.latest_worker import LatestWorker
@@ -31,7 +30,6 @@ _COMPARE_LABEL = "Compare all"
 _CHOSEN_TUBE_COLOR = (148, 70, 170)  # purple, next to gray, orange and blue
 _CHOSEN_TUBE_RADIUS = 1.1  # times the cord's radius
 _STAGE_INPUTS = {"body": "body", "mesh": "mesh", "simulate": "poses"}
-_TIME_STEP_S = 5  # to which the estimated time is rounded
 
 # Layout of the charts, in pixels of their drawing.
 _POINT_COLOR, _CHOSEN_POINT_COLOR = "#1f77b4", "#e68c1e"
@@ -142,7 +140,7 @@ class LayoutComparison:
                 action="Optimize the cords again before the comparison",
                 stage=stage.name,
             )
-        if not self.job.start(_compare, bench.project.folder):
+        if not self.job.start(run_comparison, bench.project.folder):
             bench.status.show("The comparison is running already.", "comparison-running")
             return
         self._stop.visible = True
@@ -167,8 +165,8 @@ class LayoutComparison:
             return  # another stage was built: the comparison is still valid
         self.job.cancel()
         with self._bench.drawing_lock:
-            self._layout_digest, self.layouts = current, _by_error(layouts)
-            self.estimated_time_s = _round_time(seconds) if layouts else 0
+            self._layout_digest, self.layouts = current, by_error(layouts)
+            self.estimated_time_s = round_time(seconds) if layouts else 0
             time_text = f" (about {self.estimated_time_s} s)" if layouts else ""
             self._compare.label = f"{_COMPARE_LABEL}{time_text}"
             self.status.show("")
@@ -177,7 +175,7 @@ class LayoutComparison:
     def _add(self, layout: ComparedLayout) -> None:
         with self._bench.drawing_lock:
             others = [other for other in self.layouts if other.name != layout.name]
-            self.layouts = _by_error([*others, layout])
+            self.layouts = by_error([*others, layout])
             self._draw()
 
     def _show_progress(self, share: float, message: str) -> None:
@@ -341,23 +339,3 @@ def _ticks(low: float, high: float) -> list[float]:
 
 def _error_text(error: float) -> str:
     return f"{error:.2f}" if math.isfinite(error) else "?"
-
-
-def _by_error(layouts: Sequence[ComparedLayout]) -> list[ComparedLayout]:
-    """Sort layouts by their errors; layouts without an error come last."""
-    return sorted(layouts, key=lambda layout: (math.isnan(layout.error), layout.error))
-
-
-def _round_time(seconds: float) -> int:
-    """Round an estimated time (s) to its accuracy."""
-    return max(_TIME_STEP_S * round(seconds / _TIME_STEP_S), _TIME_STEP_S)
-
-
-def _compare(reporter: JobReporter, folder: Path) -> None:
-    """Compare the layouts, in the child process."""
-    from ...core.device.device_file import load_device
-    from ...core.machine.processes import one_blas_thread
-
-    with one_blas_thread():  # as in builds
-        device = load_device(folder)
-        compare_layouts(device, last_build(device), reporter.item, reporter.progress)

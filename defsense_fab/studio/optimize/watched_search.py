@@ -2,102 +2,23 @@
 
 from __future__ import annotations
 
-import math
 import threading
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from ...core.arrays import Float
-from ...core.device.device import Device, Sensor
-from ...core.errors import DefsenseError
-from ...workflow.build.results import Build, last_build
-from ...workflow.design.layout_judge import JudgedLayout, LayoutJudge
+from ...workflow.design.layout_judge import JudgedLayout
 from ..workbench.build_job import CandidateLayout
 from ..workbench.cord_tubes import CordTubes
 from ..workbench.latest_worker import LatestWorker
 from ..workbench.page_texts import escape_cell, markdown_table
+from ..workbench.search_record import SearchRecord, SearchRun, judge_candidate
 from ..workbench.workbench import Workbench
 
 _DRAWN_COLOR, _CURRENT_COLOR, _BEST_COLOR = (120, 120, 120), (230, 140, 30), (31, 119, 180)
 _DRAWN_RADIUS, _CURRENT_RADIUS = 0.5, 0.8  # times the cord's radius
-_MAX_CURVE_POINTS = 1200  # above which every other point is removed
 _NO_SEARCH = "No search has run yet."
-
-
-@dataclass
-class SearchRecord:
-    """Results of the search of one build.
-
-    Attributes:
-        best: The best layout that keeps every limit, or None.
-        judged: Prediction for the best layout, or None.
-    """
-
-    best: CandidateLayout | None = None
-    judged: JudgedLayout | None = None
-    _rows: list[tuple[float, float, float]] = field(default_factory=list)
-    _started_at: float = 0.0
-
-    def add(self, candidate: CandidateLayout, judged: JudgedLayout | None) -> bool:
-        """Add a layout that the search has come to.
-
-        Args:
-            candidate: The layout.
-            judged: Its prediction, or None if it cannot be predicted.
-
-        Returns:
-            Whether it is the best layout so far.
-        """
-        if judged is None:
-            return False
-        is_best = candidate.is_best and (self.judged is None or judged.error < self.judged.error)
-        if is_best:
-            self.best, self.judged = candidate, judged
-        best_error = math.nan if self.judged is None else self.judged.error
-        if not self._rows:
-            self._started_at = candidate.seconds
-        self._rows.append((candidate.seconds - self._started_at, judged.error, best_error))
-        if len(self._rows) > _MAX_CURVE_POINTS:
-            self._rows = self._rows[::2]
-        return is_best
-
-    @property
-    def curve(self) -> tuple[Float, Float, Float]:
-        """Time of work (n,) s, error of the layout then (n,) mm, and of the best one (n,) mm.
-
-        The error of the best layout is NaN until one has been found.
-        """
-        rows = np.array(self._rows, float).reshape(-1, 3)
-        return rows[:, 0].copy(), rows[:, 1].copy(), rows[:, 2].copy()
-
-
-@dataclass
-class _Run:
-    """The search of one build.
-
-    Attributes:
-        device: The device.
-        record: Results of the search.
-        judge: Predicts the errors, once it is loaded.
-        drawn: Prediction for the drawn cords.
-    """
-
-    device: Device
-    record: SearchRecord = field(default_factory=SearchRecord)
-    judge: LayoutJudge | None = None
-    drawn: JudgedLayout | None = None
-
-    def load(self, candidate: CandidateLayout) -> LayoutJudge:
-        """Return the judge of this build's poses, which may be newer than those of the page."""
-        if self.judge is None:
-            folder = candidate.folder
-            build = Build(folder) if folder.exists() else last_build(self.device)
-            self.judge = LayoutJudge(self.device, build)
-            self.drawn = _judge(self.judge, self.device.sensors)
-        return self.judge
 
 
 class WatchedSearch:
@@ -115,7 +36,7 @@ class WatchedSearch:
         self._lock = threading.Lock()
         self._kept: list[CandidateLayout] = []
         self._latest: CandidateLayout | None = None
-        self._run = _Run(bench.project.device)
+        self._run = SearchRun(bench.project.device)
         self.worker = LatestWorker(self._judge_layouts, bench.status.show_error)
         self._current_tubes = CordTubes(bench.server, "/optimize/current")
         self._best_tubes = CordTubes(bench.server, "/optimize/best")
@@ -161,7 +82,7 @@ class WatchedSearch:
         """Forget the previous search; another build has started."""
         with self._lock:
             self._kept, self._latest = [], None
-            self._run = _Run(self._bench.project.device)
+            self._run = SearchRun(self._bench.project.device)
 
     def add(self, candidate: CandidateLayout) -> None:
         """Add a layout of the search and return at once; called on the build's thread."""
@@ -196,7 +117,7 @@ class WatchedSearch:
             return
         judge = run.load(latest)
         for candidate in [*(k for k in kept if k is not latest), latest]:
-            run.record.add(candidate, _judge(judge, candidate.sensors))
+            run.record.add(candidate, judge_candidate(judge, candidate.sensors))
         with self._bench.drawing_lock:
             if run is self._run:
                 self._draw(latest)
@@ -231,14 +152,6 @@ def pose_table(before: Mapping[str, float] | None, now: Mapping[str, float]) -> 
         for pose, error in now.items()
     ]
     return markdown_table(["Pose", "Drawn cords", "Best cords"], rows)
-
-
-def _judge(judge: LayoutJudge, sensors: Sequence[Sensor]) -> JudgedLayout | None:
-    """Return the prediction, or None: during a descent cords may leave the body."""
-    try:
-        return judge.judge(sensors, quick=True)
-    except DefsenseError:
-        return None
 
 
 def _error_text(judged: JudgedLayout, drawn: JudgedLayout | None) -> str:

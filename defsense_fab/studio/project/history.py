@@ -124,6 +124,15 @@ class History:
         write_text(self._path, "".join(json.dumps(row) + "\n" for row in rows))
 
 
+def last_valid_text(folder: Path) -> str | None:
+    """Return the text after the last applied step of a device's history; None without one."""
+    path = folder / FOLDER / FILE
+    if path.is_symlink() or path.parent.is_symlink():
+        return None
+    steps, at, _ = _read(path)
+    return steps[at].text if steps else None
+
+
 def _read(path: Path) -> tuple[list[Step], int, bool]:
     """Read a history.
 

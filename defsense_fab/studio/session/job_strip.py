@@ -12,6 +12,8 @@ from ...workflow.view import Event, Problem
 from ..messages.shell import Job
 from ..workbench.background_job import CANCELLED, BackgroundJob
 
+_CANCEL_TIMEOUT_S = 5.0  # in which a canceled job ends
+
 
 def _ignore(*_: Any) -> None:
     pass
@@ -29,6 +31,7 @@ class Work:
         on_end: Called with the error, or None, and the result.
         on_item: Called with each intermediate result.
         can_pause: Whether it can be paused.
+        gives_way: Whether it is canceled when another job is started.
     """
 
     name: str
@@ -38,6 +41,7 @@ class Work:
     on_end: Callable[[DefsenseError | None, Any], None] = _ignore
     on_item: Callable[[Any], None] = _ignore
     can_pause: bool = False
+    gives_way: bool = False
 
 
 class JobStrip:
@@ -58,6 +62,10 @@ class JobStrip:
         self.job = Job(name="", title="", state="idle")
 
     @property
+    def _can_replace(self) -> bool:
+        return self.is_running and self._work is not None and self._work.gives_way
+
+    @property
     def is_running(self) -> bool:
         """Whether a job runs or is paused."""
         return self._background is not None and self._background.is_running
@@ -69,13 +77,12 @@ class JobStrip:
             DefsenseError: Another job is running.
             StorageError: The system cannot start a process.
         """
+        if self._can_replace:
+            self.cancel()
+            self.wait(_CANCEL_TIMEOUT_S)
         with self._lock:
             if self.is_running:
-                raise DefsenseError(
-                    f"{self.job.title.lower()}: this is still running",
-                    code="job-running",
-                    action="Wait until it ends, or cancel it",
-                )
+                raise self._still_running()
             background = BackgroundJob(
                 work.name, self._show_progress, self._end, work.on_item, self._show_pause
             )
@@ -87,9 +94,19 @@ class JobStrip:
                     state="running",
                     message="Starting",
                     can_pause=work.can_pause,
+                    gives_way=work.gives_way,
                 )
             )
             background.start(work.job, *work.arguments)
+
+    def check_idle(self) -> None:
+        """Check that no job runs, except one that gives way to others.
+
+        Raises:
+            DefsenseError: A job is running (`job-running`).
+        """
+        if self.is_running and not self._can_replace:
+            raise self._still_running()
 
     def pause(self) -> None:
         """Pause the job at its next report."""
@@ -114,6 +131,13 @@ class JobStrip:
         """Cancel the job and wait for its process."""
         if self._background is not None:
             self._background.close()
+
+    def _still_running(self) -> DefsenseError:
+        return DefsenseError(
+            f"{self.job.title.lower()}: this is still running",
+            code="job-running",
+            action="Wait until it ends, or cancel it",
+        )
 
     def _show(self, job: Job) -> None:
         self.job = job

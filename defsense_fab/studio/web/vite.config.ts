@@ -4,7 +4,7 @@ import { licenses } from "./licenses.ts";
 
 // Reports contain three.js and report.js only, so that modules of both pages are in three.js.
 const SHARED_MODULES =
-  /\/node_modules\/three\/|\/src\/scene\/(body-geometry|body-layer|camera-rig|coarse-index|contact-shadow|order|ray|shading|theme|tube)\.ts$/;
+  /\/node_modules\/three\/|\/src\/scene\/(body-geometry|body-layer|camera-keys|camera-rig|coarse-index|contact-shadow|order|ray|shading|theme|tube)\.ts$/;
 
 /** Return a plugin that refuses a report.js that imports more than a report contains. */
 function reportImports(): Plugin {

@@ -13,7 +13,7 @@ import numpy as np
 from ...core.arrays import Float, Int
 
 #: Blue below zero and orange above (ColorBrewer's RdBu and PuOr); cividis; viridis.
-_DIVERGING = (
+DIVERGING = (
     (5, 48, 97),
     (33, 102, 172),
     (67, 147, 195),
@@ -26,7 +26,7 @@ _DIVERGING = (
     (179, 88, 6),
     (127, 59, 8),
 )
-_CIVIDIS = (
+CIVIDIS = (
     (0, 34, 78),
     (18, 53, 112),
     (59, 73, 108),
@@ -50,7 +50,7 @@ VIRIDIS = (
     (180, 222, 44),
     (253, 231, 37),
 )
-_UNKNOWN_COLOR = (150, 150, 150)
+UNKNOWN_COLOR = (150, 150, 150)
 _MIN_GAIN_SPREAD = 0.03  # share of the largest gain; smaller differences must not look large
 #: Ends of ranges, times a power of ten; their quarters have few digits.
 _ROUND_ENDS = (1.0, 1.2, 1.6, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0)
@@ -97,12 +97,12 @@ class ColorScale:
     def symmetric(cls, reach: float) -> ColorScale:
         """Return a scale from -reach to reach, which is rounded up."""
         end = round_up(reach)
-        return cls(-end, end, _DIVERGING)
+        return cls(-end, end, DIVERGING)
 
     @classmethod
     def from_zero(cls, reach: float) -> ColorScale:
         """Return a scale from 0 to `reach`, which is rounded up."""
-        return cls(0.0, round_up(reach), _CIVIDIS)
+        return cls(0.0, round_up(reach), CIVIDIS)
 
     @classmethod
     def for_gains(cls, values: Float) -> ColorScale:
@@ -124,7 +124,7 @@ class ColorScale:
         colors = np.stack(
             [np.interp(position, np.arange(len(table)), channel) for channel in table.T], axis=1
         )
-        colors[~is_known] = np.array(_UNKNOWN_COLOR) / 255
+        colors[~is_known] = np.array(UNKNOWN_COLOR) / 255
         return colors
 
 

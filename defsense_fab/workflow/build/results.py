@@ -45,3 +45,12 @@ def layout_digest(build: Build) -> str:
         OSError: The build has no layout.
     """
     return digest(build.folder / LAYOUT)
+
+
+def parts_digest(build: Build) -> str:
+    """Return a hash of a build's parts, which differs if other parts were made.
+
+    Raises:
+        OSError: The build has no parts.
+    """
+    return digest(build.folder / MANIFEST)

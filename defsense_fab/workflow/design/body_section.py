@@ -157,12 +157,27 @@ class BodySection:
             state: Number of the only state to consider; all by default.
             direction: Rest direction (3,), or (k, 3) at the `middles`.
         """
+        values = self._middle_values(quantity, state, direction)
+        deviation = values if quantity.variance else np.abs(values - 1)
+        return float(np.percentile(deviation, _RANGE_PERCENTILE))
+
+    def span(self, quantity: Quantity, state: int | None, direction: Float) -> tuple[float, float]:
+        """Return the smallest and largest value of a quantity in 99 % of the body.
+
+        The arguments are those of `spread`.
+        """
+        values = self._middle_values(quantity, state, direction)
+        outside = (100 - _RANGE_PERCENTILE) / 2
+        low, high = np.percentile(values, [outside, 100 - outside])
+        return float(low), float(high)
+
+    def _middle_values(self, quantity: Quantity, state: int | None, direction: Float) -> Float:
+        """Return a stretch (s, k) at the `middles`, or its variance (k,)."""
         F = self._middle_gradients
         if not quantity.variance and state is not None:
             F = F[state : state + 1]
         values = _measure(F, quantity.kind, direction)
-        deviation = values.var(axis=0) if quantity.variance else np.abs(values - 1)
-        return float(np.percentile(deviation, _RANGE_PERCENTILE))
+        return np.asarray(values.var(axis=0)) if quantity.variance else values
 
     @cached_property
     def middles(self) -> Float:

@@ -12,7 +12,7 @@ from ...core.device.device import Device, Sensor
 from ...core.errors import LayoutError, StorageError
 from ...core.progress import Report
 from ...optimization.prediction.as_built import assumed_cords
-from ...optimization.prediction.built_devices import tolerance_band
+from ...optimization.prediction.built_devices import predict_built_devices
 from ...optimization.prediction.choose_layout import make_on_trial, outline_trial, prefer_layout
 from ...optimization.prediction.design_task import (
     SEED,
@@ -25,7 +25,8 @@ from ...optimization.refinement.refine import OptimizedLayout
 from ...optimization.search import baselines
 from ...optimization.search.plane_directions import face_directions
 from ...store.build import Build
-from ...store.layout import CordPath, LayoutRecord, WeighedRecord
+from ...store.layout import BandRecord, CordPath, LayoutRecord, WeighedRecord
+from .session_shares import session_shares
 
 DRAWN, VISUAL, FULL, SIMPLE = "as drawn", "by eye", "most accurate", "simplest"
 #: Seconds that a trial, a layout by eye, a band and each triangle of the body take on a machine of
@@ -47,6 +48,8 @@ class ComparedLayout:
         problem: Reason why it cannot be made.
         is_built: Whether it is the layout of the build.
         is_studied: Whether it is a result of `defsense study`.
+        trained: RMSE (mm) expected after training, with the memory of the cords: its median and
+            the limits between which 90 % of built devices lie, if computed.
     """
 
     name: str
@@ -58,6 +61,7 @@ class ComparedLayout:
     problem: str | None = None
     is_built: bool = False
     is_studied: bool = False
+    trained: tuple[float, float, float] | None = None
 
     @property
     def planes(self) -> int:
@@ -98,10 +102,25 @@ def _compared(
     layout: LayoutRecord, one: WeighedRecord, sensors: tuple[Sensor, ...], name: str
 ) -> ComparedLayout:
     band = (layout.band.low, layout.band.high) if one.chosen else None
+    trained = _trained(layout.band) if one.chosen else None
     error = one.designed if one.built is None else one.built
     return ComparedLayout(
-        name, sensors, error, one.parts, band, one.warnings, one.problem, one.chosen
+        name,
+        sensors,
+        error,
+        one.parts,
+        band,
+        one.warnings,
+        one.problem,
+        one.chosen,
+        trained=trained,
     )
+
+
+def _trained(band: BandRecord, factor: float = 1.0) -> tuple[float, float, float]:
+    """Return the error expected after training, and its range, mm, times a factor."""
+    trained = band.trained
+    return factor * trained.median, factor * trained.low, factor * trained.high
 
 
 def estimate_seconds(device: Device, build: Build) -> float:
@@ -116,8 +135,9 @@ def estimate_seconds(device: Device, build: Build) -> float:
     """
     tried = tried_layouts(build)
     triangles = len(build.surface.faces)
-    trials = 1 + bool(device.sensors)
-    bands = trials + sum(k.band is None and k.problem is None for k in tried)
+    unmade = sum(k.parts is None and k.problem is None for k in tried)
+    trials = 1 + bool(device.sensors) + unmade
+    bands = trials + sum(k.band is None and k.parts is not None for k in tried)
     return _VISUAL_S + trials * _TRIAL_S + bands * _BAND_S + (trials + 1) * _TRIANGLE_S * triangles
 
 
@@ -127,7 +147,7 @@ def compare_layouts(
     on_layout: Callable[[ComparedLayout], None],
     report: Report,
 ) -> None:
-    """Make the drawn cords and a layout by eye on trial, and compute all missing bands.
+    """Make the drawn cords, a layout by eye and those not made yet on trial, and compute all bands.
 
     Args:
         device: The device.
@@ -148,7 +168,8 @@ def compare_layouts(
         new.append((VISUAL, tuple(baselines.visual_layout(task.design, count, rng))))
     except LayoutError as error:
         on_layout(ComparedLayout(VISUAL, (), float("nan"), problem=str(error)))
-    without_band = [k for k in tried if k.band is None and k.problem is None]
+    new += [(k.name, k.sensors) for k in tried if k.parts is None and k.problem is None]
+    without_band = [k for k in tried if k.band is None and k.parts is not None]
     for k, (name, sensors) in enumerate(new):
         report((k + 0.5) / (len(new) + 1), f"making the layout {name} on trial")
         on_layout(_make_compared(device, build, task, name, sensors))
@@ -159,8 +180,8 @@ def compare_layouts(
             f"devices built as {layout_without_band.name}",
         )
         scored = predict(decoded, assumed_cords(decoded, layout_without_band.sensors))
-        band = _band(device, decoded, scored, layout_without_band.error)
-        on_layout(replace(layout_without_band, band=band))
+        band, trained = _band(device, decoded, scored, layout_without_band.error)
+        on_layout(replace(layout_without_band, band=band, trained=trained))
 
 
 def _make_compared(
@@ -177,14 +198,20 @@ def _make_compared(
     trial = make_on_trial(best, outlined, surface, bay)
     if trial.problem is not None:
         return ComparedLayout(name, sensors, error, problem=trial.problem)
-    band = _band(device, best, trial.scored, trial.built)
-    return ComparedLayout(name, sensors, trial.built, trial.parts, band, trial.warnings)
+    band, trained = _band(device, best, trial.scored, trial.built)
+    return ComparedLayout(
+        name, sensors, trial.built, trial.parts, band, trial.warnings, trained=trained
+    )
 
 
 def _band(
     device: Device, task: DesignTask, scored: ScoredLayout, error: float
-) -> tuple[float, float]:
-    """Return the band of built devices, mm, scaled to the `error` as built."""
-    band = tolerance_band(device, task, scored.cords)
+) -> tuple[tuple[float, float], tuple[float, float, float]]:
+    """Return the errors of built devices without and with the memory of the cords, mm.
+
+    They are scaled to the `error` as built.
+    """
+    shares = session_shares(device, task.weights)
+    band = predict_built_devices(device, task, scored.cords, shares)
     factor = error / scored.prediction.unseen
-    return factor * band.low, factor * band.high
+    return (factor * band.low, factor * band.high), _trained(band, factor)

@@ -18,6 +18,7 @@ from ...core.errors import DeviceError, MeshingError
 from ...core.mesh import Surface, TetMesh
 from ...geometry.bodies.meshing import mesh_store
 from ...geometry.bodies.meshing.region_conforming import conform_to_regions
+from ...geometry.bodies.meshing.tetrahedra import check_edge_length as check_edge_length
 from ...geometry.bodies.meshing.tetrahedra import tetrahedralize
 from ...mechanics.elements.material import Material
 from ...mechanics.elements.tet10 import QuadraticMesh, boundary_faces

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.mesh import Surface
+from ...report.guide.actions import ActionKind
 from ...report.guide.steps import GuideStep as GuideStep
 from ...report.guide.steps import Joint as Joint
 from ...report.guide.steps import exploded_shifts, guide_steps
@@ -20,6 +22,18 @@ from ...store.manifest import Manifest
 
 #: Colors of the parts in the guide's pictures, as "#rrggbb", in the order of the parts.
 PART_COLORS: tuple[str, ...] = tuple(COLORS)
+
+#: What a picture of a step shows: what is printed, the exploded parts, the cords on the bench, the
+#: open joint, or the assembled device.
+StepView = Literal["plates", "exploded", "cords", "joint", "assembled"]
+_PRINTED_KINDS = {ActionKind.PRINT, ActionKind.CAST}
+_CORD_KINDS = {
+    ActionKind.CUT,
+    ActionKind.CRIMP,
+    ActionKind.MARK,
+    ActionKind.TRIM,
+    ActionKind.MEASURE,
+}
 
 
 @dataclass(frozen=True)
@@ -81,6 +95,19 @@ def assembly_guide(device: Device, build: Build) -> AssemblyGuide:
         guide_checks(manifest),
         _notes(manifest, layout),
     )
+
+
+def step_view(guide: AssemblyGuide, index: int) -> StepView:
+    """Return what a picture of the step with an index shows."""
+    step = guide.steps[index]
+    kinds = {action.kind for passage in step.passages for action, _ in passage.actions}
+    if step.joint is not None:
+        return "joint"
+    if kinds and kinds <= _PRINTED_KINDS:
+        return "plates"
+    if any(earlier.joint is not None for earlier in guide.steps[:index]):
+        return "assembled"
+    return "cords" if kinds and kinds <= _CORD_KINDS else "exploded"
 
 
 def _notes(manifest: Manifest, layout: LayoutRecord) -> tuple[Note, ...]:

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from ...capture.readout.paired_boards import read_boards
 from ...capture.readout.ports import serial_ports
 from ...core.device.build_folder import build_folder
 from ...core.device.device import Device, Sensor
-from ...core.errors import DefsenseError, TrainingError
+from ...core.errors import CaptureError, DefsenseError, TrainingError
 from ...runtime.live.run_files import BOARD
 from ...store.build import Build
 from ...store.layout import LAYOUT, LayoutRecord
@@ -40,15 +41,24 @@ class KnownPort:
 
 
 def known_ports(device: Device) -> list[KnownPort]:
-    """Return the twin, which always exists, then serial ports, sessions and recorded runs."""
-    known = [KnownPort(TWIN, "twin (simulated)")]
-    known += [KnownPort(p.device, f"{p.device} {p.description}".strip()) for p in serial_ports()]
+    """Return the twin, which always exists, then boards, sessions and recorded runs."""
+    known = [KnownPort(TWIN, "twin (simulated)"), *known_boards()]
     for session in known_sessions(device):
         if session.is_usable:
             name = session.folder.relative_to(device.source)
             known.append(KnownPort(f"replay:{session.folder}", f"session {name}"))
     runs = sorted(device.source.glob(f"live/*/{BOARD}"), reverse=True)[:_MAX_RECORDED_RUNS]
     return known + [KnownPort(f"replay:{p}", f"run of {p.parent.name}") for p in runs]
+
+
+def known_boards() -> list[KnownPort]:
+    """Return the serial ports that are plugged in, then the paired boards with Wi-Fi."""
+    known = [KnownPort(p.device, f"{p.device} {p.description}".strip()) for p in serial_ports()]
+    try:
+        paired = read_boards()
+    except CaptureError:  # a damaged file is reported where a board is opened by its name
+        paired = []
+    return known + [KnownPort(f"udp://{b.name}", f"{b.name} (Wi-Fi)") for b in paired]
 
 
 def changed_since(device: Device) -> list[str]:

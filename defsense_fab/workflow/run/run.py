@@ -37,8 +37,11 @@ from ...runtime.outputs.live_file import open_outputs
 from ...runtime.outputs.output import LatestFrameSender
 from ...runtime.recording.target_file import TARGETS, TargetFile
 from ...runtime.surface.live_surface import LiveSurface
-from ...runtime.view.live_scene import ViewedDevice
-from ...runtime.view.live_view import LiveView, PagePlace, PanelActions
+from ...runtime.view.live_page import WebLiveView
+from ...runtime.view.live_place import LivePlace
+from ...runtime.view.live_view import LiveView, PagePlace
+from ...runtime.view.panel_actions import PanelActions
+from ...runtime.view.viewed_device import ViewedDevice
 from ...sensing.voltage_divider import REFERENCE_OHM, reference_resistors
 from ...twin.recordings.walking_board import WalkingBoard
 from .live_device import LiveDevice, device_surface, typical_marker_sd
@@ -73,7 +76,7 @@ class LiveRun:
     port: str
     loop: LiveLoop
     outputs: Sequence[LatestFrameSender]
-    view: LiveView | None
+    view: LiveView | WebLiveView | None
     recording: RawRecording | None
     animations: Animations | None = None
     surface: str = ""
@@ -108,7 +111,7 @@ def prepare_run(
     options: RunOptions = _NO_OPTIONS,
     *,
     settings: LiveSettings = _NO_SETTINGS,
-    view: int | PagePlace | None = None,
+    view: int | PagePlace | LivePlace | None = None,
     receivers: Sequence[FrameSink] = (),
     keeps_readings: bool = True,
     progress: Progress = silent,
@@ -156,7 +159,7 @@ def prepare_run(
             views.append(animations)
         actions = panel_actions(decoder, animations, folder)
         if view is not None:
-            page = LiveView(_viewed_device(live), actions, view)
+            page = _open_view(_viewed_device(live), actions, view)
             undo.callback(page.close)
             views.append(LatestFrameSender("view", partial(_identity, page), _MAX_VIEW_RATE_HZ))
         outputs = open_outputs(settings.outputs)
@@ -186,7 +189,7 @@ def _prepare_target_run(
     port: str,
     options: RunOptions,
     settings: LiveSettings,
-    view: int | PagePlace | None,
+    view: int | PagePlace | LivePlace | None,
     receivers: Sequence[FrameSink],
     folder: RunFolder | None,
 ) -> LiveRun:
@@ -355,7 +358,15 @@ def _make_surface(
     return surface, animations
 
 
-def _identity(view: LiveView) -> LiveView:
+def _open_view(
+    device: ViewedDevice, actions: PanelActions, view: int | PagePlace | LivePlace
+) -> LiveView | WebLiveView:
+    if isinstance(view, LivePlace):
+        return WebLiveView(device, actions, view)
+    return LiveView(device, actions, view)
+
+
+def _identity(view: LiveView | WebLiveView) -> LiveView | WebLiveView:
     return view
 
 

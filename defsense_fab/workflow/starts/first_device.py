@@ -18,6 +18,7 @@ from ...core.device.device_file import DEVICE, DeviceFile, load_device, parse_de
 from ...core.errors import BodyError, DeviceError
 from ...core.progress import Progress, silent
 from ...core.schema.reference import commented
+from ...core.schema.types import exact
 from ...core.storage.files import storage_errors, unused_path, write_text
 from ...core.storage.package_data import read_rows
 from ...geometry.bodies.meshing.mesh_store import DEVICE_MESH
@@ -203,6 +204,12 @@ def _missing_room(size: Float, cord: Mapping[str, str], printer: Mapping[str, st
     return ""
 
 
+def edge_length_range(body: BodyFile, unit: str) -> tuple[float, float]:
+    """Return the smallest edge length (mm) that can be computed, and the body's thickness (mm)."""
+    smallest = float(np.cbrt(TETS_PER_CUBE * body.in_mm(unit).volume / MAX_SOLVABLE_TETS))
+    return smallest, float(body.size(unit).min())
+
+
 def check_edge_length(body: BodyFile, unit: str, edge_length: float) -> None:
     """Check the edge length of a mesh, mm.
 
@@ -210,14 +217,14 @@ def check_edge_length(body: BodyFile, unit: str, edge_length: float) -> None:
         DeviceError: It is larger than the body is thick, or gives too many elements
             (`out-of-range`).
     """
-    largest = float(body.size(unit).min())
-    smallest = float(np.cbrt(TETS_PER_CUBE * body.in_mm(unit).volume / MAX_SOLVABLE_TETS))
+    smallest, largest = edge_length_range(body, unit)
     if not smallest <= edge_length <= largest:
         raise DeviceError(
             f"must be from {smallest:.2g} mm (a million elements) to {largest:.3g} mm (the"
-            f" thickness of the body), not {edge_length:g} mm",
+            f" thickness of the body), not {exact(edge_length)} mm",
             code="out-of-range",
             where="edge_length",
+            key="mesh.edge_length",
             action=f"The default for this body is {body.edge_length(unit):g} mm",
             value=edge_length,
         )

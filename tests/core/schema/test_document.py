@@ -11,7 +11,8 @@ from msgspec import Meta
 from defsense_fab.core.errors import DeviceError, StudyError
 from defsense_fab.core.schema.declare import Count, Positive, Problem, Table, Vector, key
 from defsense_fab.core.schema.document import Document, load_document, parse_document
-from defsense_fab.core.schema.reader import validate
+from defsense_fab.core.schema.fields import field
+from defsense_fab.core.schema.reader import check_value, validate
 from tests.support.errors import raises
 
 Free = Literal["free"]
@@ -182,3 +183,22 @@ def test_tables_that_a_program_makes_can_be_checked():
         Checked(2.0)
     with raises(DeviceError, "out-of-range", key="share", line=1):
         parse_document("share = 2", Path("x.toml")).read(Checked)
+
+
+@pytest.mark.parametrize(("value", "digits"), [(-5, "-5"), (-0.000012345678, "-0.000012345678")])
+def test_one_value_is_checked_and_named_with_all_its_digits(value, digits):
+    load = field(Cart, "load")
+    check_value(load, 1.5, DeviceError, "cart.toml: load", "load")
+    with raises(DeviceError, "out-of-range", key="load", value=value) as caught:
+        check_value(load, value, DeviceError, "cart.toml: load", "load")
+    assert caught.value.where == "cart.toml: load"
+    assert caught.value.problem.endswith(digits)
+    with raises(StudyError, "out-of-range", key="load") as caught:
+        read(f'name = "x"\nload = {value!r}')
+    assert caught.value.problem.endswith(digits)
+
+
+def test_one_value_of_another_type_or_choice_is_refused():
+    for name, value, code in (("color", "blue", "value-choice"), ("count", 2.5, "value-type")):
+        with raises(DeviceError, code, key=name):
+            check_value(field(Cart, name), value, DeviceError, name, name)

@@ -204,7 +204,10 @@ def test_download_is_saved_and_not_shown(page):
 def test_pages_of_other_origins_are_refused(page):
     assert get(page, Origin="http://elsewhere.example")[0] == 403
     assert get(page, Host="elsewhere.example")[0] == 403
-    with pytest.raises(InvalidStatus, match="403"), browser(page, Origin="http://elsewhere.example"):
+    with (
+        pytest.raises(InvalidStatus, match="403"),
+        browser(page, Origin="http://elsewhere.example"),
+    ):
         pass
     with browser(page, Origin=f"http://127.0.0.1:{page.port}") as client:
         assert ask(client, "add", a=1, b=2)["result"] == {"value": 3}

@@ -9,11 +9,11 @@ from defsense_fab.core.curve import Plane
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import LayoutError
 from defsense_fab.studio.edits.cords import remove_cord
-from defsense_fab.studio.inside import next_cord
+from defsense_fab.studio.inside import next_cord_search
+from defsense_fab.studio.inside.plane_gizmo import plane_at
 from defsense_fab.studio.inside.section_planes import (
     axis_plane,
     first_state,
-    plane_at,
     plane_offsets,
 )
 from defsense_fab.studio.inside.section_quantities import (
@@ -108,7 +108,7 @@ def test_the_error_of_a_search_is_shown_next_to_it(inside, monkeypatch):
     def fail(*args):
         raise LayoutError("the cords cannot be judged", code="not-finite")
 
-    monkeypatch.setattr(next_cord, "map_next_cord", fail)
+    monkeypatch.setattr(next_cord_search, "map_next_cord", fail)
     search_cords(inside)
     assert inside.next_panel.status.code == "not-finite"
 
@@ -189,7 +189,7 @@ def held_search(monkeypatch):
             assert proceed.wait(TIMEOUT_S)
             yield cord_map
 
-    monkeypatch.setattr(next_cord, "map_next_cord", search)
+    monkeypatch.setattr(next_cord_search, "map_next_cord", search)
     return started, proceed, maps
 
 

@@ -64,6 +64,9 @@ def test_a_range_covers_all_states_or_one(body):
     far = [abs(length(m) - 1) for m in (A, B)]
     assert body.spread(quantity, 1, ALONG) == pytest.approx(far[0])
     assert body.spread(quantity, None, ALONG) == pytest.approx(max(far))
+    assert body.span(quantity, 1, ALONG) == pytest.approx((length(A), length(A)))
+    ends = [1.0, length(A), length(B)]
+    assert body.span(quantity, None, ALONG) == pytest.approx((min(ends), max(ends)))
 
 
 def test_a_section_moves_with_the_state(body):

@@ -17,6 +17,7 @@ from ....core.device.device import MeshSpec
 from ....core.errors import MeshingError
 from ....core.machine.child_process import OUT_OF_MEMORY
 from ....core.mesh import Surface, TetMesh
+from ....core.schema.types import exact
 from .child_work import RunMonitor
 from .mesh_improvement import improve_flat_tets
 from .mesh_quality import bound_ratio, check_mesh, fit_boundary
@@ -283,7 +284,7 @@ def tetrahedralize(
         MeshingError: If the edge length does not fit the body, a mesher is not installed properly,
             or all methods fail or take too long.
     """
-    _check_size(surface, edge_length)
+    check_edge_length(surface, edge_length)
     report = on_step or (lambda _: None)
     report(f"{len(surface.faces):,} triangles are checked")
     deadline = time.monotonic() + time_limit
@@ -366,22 +367,35 @@ def _advice(is_out_of_time: bool, edge_length: float, time_limit: float) -> str:
     )
 
 
-def _check_size(surface: Surface, edge_length: float) -> None:
-    """Raise MeshingError if the edge length does not fit the body."""
-    size = float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
-    if edge_length < 1e-4 * size or count_tets(surface, edge_length) > 2e6:
+def check_edge_length(surface: Surface, edge_length: float) -> None:
+    """Check that an edge length fits a body.
+
+    Args:
+        surface: Surface of the body, mm.
+        edge_length: Edge length of the tets, mm.
+
+    Raises:
+        MeshingError: It gives too many tets (`edge-too-short`), or it is longer than the body
+            (`edge-too-long`).
+    """
+    extents = np.ptp(surface.bounds, axis=0)
+    if edge_length < 1e-4 * np.linalg.norm(extents) or count_tets(surface, edge_length) > 2e6:
         raise MeshingError(
-            f"{edge_length:g} mm gives more than 2e6 tets",
+            f"{exact(edge_length)} mm gives more than 2 million tetrahedra",
             code="edge-too-short",
             where="device.toml: mesh.edge_length",
             action=f"Use {(8.5 * surface.volume / 1e5) ** (1 / 3):.2g} mm or more",
             edge_length=edge_length,
+            key="mesh.edge_length",
         )
-    if edge_length > size:
+    if edge_length > extents.max():
+        size = " × ".join(f"{x:.4g}" for x in extents)
         raise MeshingError(
-            f"{edge_length:g} mm is more than the body's size of {size:.3g} mm",
+            f"{exact(edge_length)} mm is longer than the body, which is {size} mm",
             code="edge-too-long",
             where="device.toml: mesh.edge_length",
-            action="Use a fifth of the thickness",
+            action="Use about a fifth of its thickness",
             edge_length=edge_length,
+            size=tuple(extents.tolist()),
+            key="mesh.edge_length",
         )

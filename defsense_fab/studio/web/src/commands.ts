@@ -15,6 +15,8 @@ export interface Command {
   otherShortcut?: string;
   /** Whether its key works while somebody types. */
   worksInFields?: boolean;
+  /** Whether its key runs it before other commands, as those of the entered step. */
+  isLocal?: boolean;
   /** Whether it can run now. */
   when?: () => boolean;
   run: () => void;
@@ -86,12 +88,13 @@ function onKeyDown(event: KeyboardEvent): void {
   const target = event.target instanceof Element ? event.target : document.body;
   if (target.closest("dialog, [role=menu]")) return;
   const isTaken = needsKey(target, event.key);
-  const found = commands.value.find(
+  const matching = commands.value.filter(
     (command) =>
       (!isTaken || command.worksInFields) &&
       [command.shortcut, command.otherShortcut].some((key) => key && matches(event, key)) &&
       isAvailable(command),
   );
+  const found = matching.find(({ isLocal }) => isLocal) ?? matching[0];
   if (!found) return;
   event.preventDefault();
   found.run();

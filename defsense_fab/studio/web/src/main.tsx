@@ -1,6 +1,7 @@
 import { useSignalEffect } from "@preact/signals";
 import { render } from "preact";
 import { listenForKeys } from "./commands";
+import { livePage, LiveRoot } from "./live/live-root";
 import { Banners } from "./shell/banners";
 import { BrokenPage } from "./shell/broken-page";
 import { JobStrip } from "./shell/job-strip";
@@ -19,6 +20,7 @@ import { ContextMenuLayer } from "./ui/menu";
 import { TooltipLayer } from "./ui/tooltip";
 
 function Screen() {
+  if (livePage.value) return <LiveRoot />;
   if (screen.value === "start") return <StartPage />;
   if (screen.value === "broken") return <BrokenPage />;
   if (screen.value === "device" && device.value) return <Shell />;
@@ -28,7 +30,8 @@ function Screen() {
 function App() {
   useSignalEffect(() => {
     const name = screen.value === "start" ? "" : device.value?.name;
-    document.title = name ? `${name} - DefSense studio` : "DefSense studio";
+    const title = name ? `${name} - DefSense studio` : "DefSense studio";
+    document.title = livePage.value?.title ?? title;
   });
   return (
     <>

@@ -136,10 +136,11 @@ def test_even_tets_that_would_be_far_too_many_are_graded(bar, kind):
 
 
 @pytest.mark.parametrize(
-    ("edge_length", "code"), [(0.05, "edge-too-short"), (500, "edge-too-long")]
+    ("edge_length", "code"),
+    [(0.05, "edge-too-short"), (500, "edge-too-long"), (150.001, "edge-too-long")],
 )
 def test_edge_length_that_does_not_fit_is_refused(bar, edge_length, code):
-    with raises(MeshingError, code, edge_length=edge_length):
+    with raises(MeshingError, code, edge_length=edge_length, key="mesh.edge_length"):
         tetrahedralize(bar, edge_length)
 
 

@@ -7,34 +7,126 @@
 
 export interface Protocol {
   request:
+    | AddNextCord
     | AddStraight
     | AddStroke
     | Answer
     | CancelJob
+    | ChooseRow
+    | CloseDevice
     | CompareCords
+    | CompareLayouts
+    | CreateFromBody
+    | CreateFromGallery
     | DeleteCords
     | DeletePoint
+    | DescribeUpload
     | DragPlane
     | DragPoint
     | DragTangent
     | DuplicateCord
+    | ErrorMapOf
+    | EvaluateModel
+    | ExportDevice
+    | FitResponse
+    | ForgetDevice
+    | GetShape
+    | GetSkin
     | InsertPoint
+    | KeepPicture
+    | MakeBody
+    | MakeTags
+    | MeasureSpecimen
     | MirrorCord
+    | OpenDevice
     | OutlineOf
+    | PartMeshes
     | PauseJob
+    | PressKey
+    | ProbePoint
+    | ProcessSessions
     | Propose
+    | RecordAnimation
+    | RecordTwin
     | Redo
+    | RefreshChoices
     | RenameCord
     | RenameDevice
+    | ResetField
+    | ResetParameter
     | Restore
     | ResumeJob
+    | SearchNextCord
+    | SetField
     | SetFreedoms
+    | SetParameter
+    | ShowSection
+    | SimulateSpecimens
     | SmoothCord
     | StartBuild
+    | StartCheck
+    | StartLive
+    | StartRecording
+    | StopBody
+    | StopGuided
+    | StopLive
+    | StopNextCord
+    | TakeRest
+    | TickStage
+    | TrainModel
+    | TrainOnSimulation
     | Undo
-    | Upload;
-  event: DeviceState | Job | Notice | Page | Pipeline | Prediction | ProposalProgress | Question | Reply;
+    | Upload
+    | UploadedSurface
+    | UseBest
+    | UseLayout
+    | UseResponse
+    | WatchLive;
+  event:
+    | AssemblyProgress
+    | BodyParameters
+    | BodyStatus
+    | Catalogues
+    | DeviceFields
+    | DeviceState
+    | ErrorStates
+    | Gallery
+    | Guide
+    | GuidedState
+    | InsideState
+    | Job
+    | Layouts
+    | LiveDevice
+    | LiveNotes
+    | LivePage
+    | MakeState
+    | MeasureChoices
+    | MeasureResults
+    | MeasureStatus
+    | NextCordState
+    | Notice
+    | OptimizeState
+    | Page
+    | Parts
+    | Pipeline
+    | Prediction
+    | ProposalProgress
+    | Question
+    | RecentDevices
+    | Reply
+    | Search;
   results: Results;
+}
+/**
+ * Add a cord of the map to the device.
+ *
+ *     Attributes:
+ *         at: Point (3,) that the cord runs through, mm; None for the best cord.
+ */
+export interface AddNextCord {
+  kind: "add-next-cord";
+  id: number;
+  at: number[] | null;
 }
 /**
  * Add a straight cord along the middle of the body.
@@ -42,7 +134,6 @@ export interface Protocol {
 export interface AddStraight {
   kind: "add-straight";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Add a cord along a stroke in a plane, or replace the path of a cord.
@@ -60,7 +151,6 @@ export interface AddStroke {
   axes: number[][];
   stroke: number[][];
   replaces: string;
-  [k: string]: unknown;
 }
 /**
  * The answer to the question.
@@ -69,7 +159,6 @@ export interface Answer {
   kind: "answer";
   id: number;
   run: boolean;
-  [k: string]: unknown;
 }
 /**
  * Cancel the job.
@@ -77,7 +166,22 @@ export interface Answer {
 export interface CancelJob {
   kind: "cancel-job";
   id: number;
-  [k: string]: unknown;
+}
+/**
+ * Choose a row of a catalogue; values that replaced those of the previous row are removed.
+ */
+export interface ChooseRow {
+  kind: "choose-row";
+  id: number;
+  catalogue: "cord" | "material" | "printer" | "trace";
+  name: string;
+}
+/**
+ * Close the device, and show the start page in all browsers.
+ */
+export interface CloseDevice {
+  kind: "close-device";
+  id: number;
 }
 /**
  * Compare two cords of the device.
@@ -87,7 +191,45 @@ export interface CompareCords {
   id: number;
   first: string;
   second: string;
-  [k: string]: unknown;
+}
+/**
+ * Compute the missing numbers of the layouts in the background.
+ */
+export interface CompareLayouts {
+  kind: "compare-layouts";
+  id: number;
+}
+/**
+ * Create a device from the uploaded body, and open it.
+ *
+ *     Attributes:
+ *         name: Name of the device.
+ *         unit: Unit of the file; None if it has one, or if the size is given.
+ *         size: Longest side in mm; None if the unit is given.
+ *         material: Name of the material.
+ *         edge_length: Edge length of the mesh, mm.
+ */
+export interface CreateFromBody {
+  kind: "create-from-body";
+  id: number;
+  name: string;
+  unit: string | null;
+  size: number | null;
+  material: string;
+  edgeLength: number;
+}
+/**
+ * Create a device from one of the gallery, and open it.
+ *
+ *     Attributes:
+ *         start: Name of the device of the gallery.
+ *         name: Name of the new device; empty for the default.
+ */
+export interface CreateFromGallery {
+  kind: "create-from-gallery";
+  id: number;
+  start: string;
+  name: string;
 }
 /**
  * Delete cords.
@@ -96,7 +238,6 @@ export interface DeleteCords {
   kind: "delete-cords";
   id: number;
   cords: string[];
-  [k: string]: unknown;
 }
 /**
  * Delete a control point.
@@ -106,7 +247,19 @@ export interface DeletePoint {
   id: number;
   cord: string;
   index: number;
-  [k: string]: unknown;
+}
+/**
+ * Interpret the uploaded body in a unit, or scale it to a size.
+ *
+ *     Attributes:
+ *         unit: Unit of the file; None for the most likely one.
+ *         size: Longest side in mm, which takes the place of the unit.
+ */
+export interface DescribeUpload {
+  kind: "describe-upload";
+  id: number;
+  unit: string | null;
+  size: number | null;
 }
 /**
  * Move the plane of a cord.
@@ -122,7 +275,6 @@ export interface DragPlane {
   origin: number[];
   axes: number[][];
   write: boolean;
-  [k: string]: unknown;
 }
 /**
  * Move a control point without writing it, and judge the cords.
@@ -142,7 +294,6 @@ export interface DragPoint {
   to: number[];
   snap: boolean;
   write: boolean;
-  [k: string]: unknown;
 }
 /**
  * Turn the tangent at a control point; as `DragPoint`, `to` is the tangent, mm.
@@ -154,7 +305,6 @@ export interface DragTangent {
   index: number;
   to: number[];
   write: boolean;
-  [k: string]: unknown;
 }
 /**
  * Add a copy of a cord, a little beside it.
@@ -163,7 +313,75 @@ export interface DuplicateCord {
   kind: "duplicate-cord";
   id: number;
   cord: string;
-  [k: string]: unknown;
+}
+/**
+ * Compute the error on the surface in a state.
+ *
+ *     It is answered with the arrays `rest` (v, 3) mm, `moved` (v, 3) mm, `faces` (f, 3), `edges`
+ *     (e, 2) and `error` (v,) mm, and with the facts `mean`, `largest` and `high`, the end of the
+ *     scale of all states, in mm.
+ *
+ *     Attributes:
+ *         state: Name of the state.
+ */
+export interface ErrorMapOf {
+  kind: "error-map-of";
+  id: number;
+  state: string;
+}
+/**
+ * Evaluate the trained model on sessions.
+ */
+export interface EvaluateModel {
+  kind: "evaluate-model";
+  id: number;
+  sessions: string[];
+}
+/**
+ * Write the parts, the guide, the report and the design into a zip in the device's folder.
+ */
+export interface ExportDevice {
+  kind: "export-device";
+  id: number;
+}
+/**
+ * Fit the cord's response to the specimens; to simulated ones only without measured ones.
+ */
+export interface FitResponse {
+  kind: "fit-response";
+  id: number;
+}
+/**
+ * Remove a device from the list; its folder is kept.
+ */
+export interface ForgetDevice {
+  kind: "forget-device";
+  id: number;
+  folder: string;
+}
+/**
+ * Get the surface and the cords in a state.
+ *
+ *     The answer has the arrays `vertices` (v, 3) mm and `cords` (n, 3) mm, the points of all cords
+ *     in the device's order, and the facts `revision` and `counts`, the number of points of each cord.
+ *
+ *     Attributes:
+ *         state: Index of the state.
+ */
+export interface GetShape {
+  kind: "get-shape";
+  id: number;
+  state: number;
+}
+/**
+ * Get the simulated body's surface at rest.
+ *
+ *     The answer has the arrays `rest` (v, 3) mm, `faces` (f, 3) and `edges` (e, 2), and the fact
+ *     `revision`.
+ */
+export interface GetSkin {
+  kind: "get-skin";
+  id: number;
 }
 /**
  * Add a control point before the index `before`, at (2,) or (3,) mm.
@@ -174,7 +392,44 @@ export interface InsertPoint {
   cord: string;
   before: number;
   at: number[];
-  [k: string]: unknown;
+}
+/**
+ * Keep a picture of the open device for the list.
+ *
+ *     Attributes:
+ *         picture: A PNG, JPEG or WebP image as a data URL.
+ */
+export interface KeepPicture {
+  kind: "keep-picture";
+  id: number;
+  picture: string;
+}
+/**
+ * Make the body in the background, after asking whether its script may run.
+ */
+export interface MakeBody {
+  kind: "make-body";
+  id: number;
+}
+/**
+ * Choose places for the device's tags, and draw sheets to print.
+ */
+export interface MakeTags {
+  kind: "make-tags";
+  id: number;
+}
+/**
+ * Measure a specimen of the cord jig by jig, or continue its measurement.
+ *
+ *     Attributes:
+ *         port: The board's port, or "twin:speed=20".
+ *         specimen: Folder of the specimen in the device's folder.
+ */
+export interface MeasureSpecimen {
+  kind: "measure-specimen";
+  id: number;
+  port: string;
+  specimen: string;
 }
 /**
  * Add a copy of a cord that is mirrored at the middle of the body, across an axis.
@@ -184,7 +439,14 @@ export interface MirrorCord {
   id: number;
   cord: string;
   axis: "x" | "y" | "z";
-  [k: string]: unknown;
+}
+/**
+ * Open a device of the list, or that of the command line, in all browsers.
+ */
+export interface OpenDevice {
+  kind: "open-device";
+  id: number;
+  folder: string;
 }
 /**
  * Cut the body's surface with a plane.
@@ -194,7 +456,16 @@ export interface OutlineOf {
   id: number;
   origin: number[];
   axes: number[][];
-  [k: string]: unknown;
+}
+/**
+ * Get the surfaces of the parts.
+ *
+ *     It is answered with the arrays `<k>/vertices` (v, 3) mm, `<k>/faces` (f, 3) and `<k>/edges`
+ *     (e, 2) of each part k, and with the facts `id` and `names`.
+ */
+export interface PartMeshes {
+  kind: "part-meshes";
+  id: number;
 }
 /**
  * Pause the job.
@@ -202,7 +473,45 @@ export interface OutlineOf {
 export interface PauseJob {
   kind: "pause-job";
   id: number;
-  [k: string]: unknown;
+}
+/**
+ * Press a key of the guided run.
+ *
+ *     Attributes:
+ *         key: Name of the key.
+ *         step: Number of the step that was shown: a key for another step is ignored.
+ *         phase: Phase that was shown, as for the step.
+ */
+export interface PressKey {
+  kind: "press-key";
+  id: number;
+  key: string;
+  step: number;
+  phase: "active" | "done" | "ready" | "waiting";
+}
+/**
+ * Get the numbers of a point; see `ShowSection` for the other attributes.
+ *
+ *     Attributes:
+ *         at: The point at rest (3,), mm.
+ */
+export interface ProbePoint {
+  kind: "probe-point";
+  id: number;
+  at: number[];
+  origin: number[];
+  axes: number[][];
+  state: number;
+  quantity: "along" | "deviation-along" | "deviation-largest" | "largest" | "next-cord" | "smallest";
+  angle: number;
+  cord: string;
+}
+/**
+ * Process the recorded sessions that are not processed yet.
+ */
+export interface ProcessSessions {
+  kind: "process-sessions";
+  id: number;
 }
 /**
  * Search for the cord that lowers the error most, and add it.
@@ -210,7 +519,31 @@ export interface PauseJob {
 export interface Propose {
   kind: "propose";
   id: number;
-  [k: string]: unknown;
+}
+/**
+ * Start to record an animation, or stop and write it.
+ */
+export interface RecordAnimation {
+  kind: "record-animation";
+  id: number;
+  isOn: boolean;
+}
+/**
+ * Record a session of the device's simulated twin.
+ *
+ *     Attributes:
+ *         minutes: Duration of the session.
+ *         unit: The built unit, with its tolerances and pieces of cord.
+ *         seed: Seed of the hand's path.
+ *         cords: Family of the cords' memory; empty for the default.
+ */
+export interface RecordTwin {
+  kind: "record-twin";
+  id: number;
+  minutes: number;
+  unit: number;
+  seed: number;
+  cords: string;
 }
 /**
  * Repeat the edit that was undone last.
@@ -218,7 +551,13 @@ export interface Propose {
 export interface Redo {
   kind: "redo";
   id: number;
-  [k: string]: unknown;
+}
+/**
+ * Search for boards, recordings, models and sessions again.
+ */
+export interface RefreshChoices {
+  kind: "refresh-choices";
+  id: number;
 }
 /**
  * Rename a cord.
@@ -228,7 +567,6 @@ export interface RenameCord {
   id: number;
   cord: string;
   name: string;
-  [k: string]: unknown;
 }
 /**
  * Rename the device.
@@ -237,7 +575,22 @@ export interface RenameDevice {
   kind: "rename-device";
   id: number;
   name: string;
-  [k: string]: unknown;
+}
+/**
+ * Remove a key from `device.toml`, so that its default holds.
+ */
+export interface ResetField {
+  kind: "reset-field";
+  id: number;
+  key: string;
+}
+/**
+ * Remove a parameter from `device.toml`, so that the script's default holds.
+ */
+export interface ResetParameter {
+  kind: "reset-parameter";
+  id: number;
+  name: string;
 }
 /**
  * Replace a device file that cannot be read by the last valid one.
@@ -245,7 +598,6 @@ export interface RenameDevice {
 export interface Restore {
   kind: "restore";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Continue the job after a pause.
@@ -253,7 +605,34 @@ export interface Restore {
 export interface ResumeJob {
   kind: "resume-job";
   id: number;
-  [k: string]: unknown;
+}
+/**
+ * Search in a plane for the best place of another cord.
+ *
+ *     It replaces a running search. `NextCordState` follows, and arrays named "next-cord" when a map
+ *     is found: `points` (p, 3) mm, `drop` (p,) mm, NaN where no cord fits, and `ends` (p, 2, 3) mm of
+ *     the best cord through each point; with the fact `step`, the distance of the points in mm.
+ *
+ *     Attributes:
+ *         origin: Origin (3,) of the plane, mm.
+ *         axes: Its x axis, y axis and normal, (3, 3) by rows.
+ *         length: Length of the cord, mm; None for cords from surface to surface.
+ */
+export interface SearchNextCord {
+  kind: "search-next-cord";
+  id: number;
+  origin: number[];
+  axes: number[][];
+  length: number | null;
+}
+/**
+ * Set a key of `device.toml`.
+ */
+export interface SetField {
+  kind: "set-field";
+  id: number;
+  key: string;
+  value: number | boolean | string;
 }
 /**
  * Set what the optimizer may change of a cord; nothing locks it.
@@ -263,7 +642,52 @@ export interface SetFreedoms {
   id: number;
   cord: string;
   free: ("ends" | "offset" | "path" | "plane")[];
-  [k: string]: unknown;
+}
+/**
+ * Set a parameter of the body's script; the body follows.
+ */
+export interface SetParameter {
+  kind: "set-parameter";
+  id: number;
+  name: string;
+  value: number | boolean | string;
+}
+/**
+ * Cut the body with a plane.
+ *
+ *     The answer has the arrays `vertices` (v, 3) mm in the state, `rest` (v, 3) mm at rest,
+ *     `triangles` (t, 3) and `values` (v,), NaN where unknown; and the facts `low`, `high` and `step`
+ *     of the color bar, `smallest` and `largest` value of the section or null, and `lowest` and
+ *     `highest` offset of the plane from the body's middle that meets the body, mm.
+ *
+ *     Attributes:
+ *         origin: Origin (3,) of the plane in the body at rest, mm.
+ *         axes: Its x axis, y axis and normal, (3, 3) by rows.
+ *         state: Index of the state.
+ *         quantity: The quantity.
+ *         angle: Direction in the plane, degrees from its x axis.
+ *         cord: Name of a cord whose local direction replaces the angle; empty for none.
+ *         detail: "coarse" while the plane is dragged.
+ *         is_range_fixed: Whether the color bar is the same for all states and planes.
+ */
+export interface ShowSection {
+  kind: "show-section";
+  id: number;
+  origin: number[];
+  axes: number[][];
+  state: number;
+  quantity: "along" | "deviation-along" | "deviation-largest" | "largest" | "next-cord" | "smallest";
+  angle: number;
+  cord: string;
+  detail: "coarse" | "fine";
+  isRangeFixed: boolean;
+}
+/**
+ * Simulate two specimens of the cord.
+ */
+export interface SimulateSpecimens {
+  kind: "simulate-specimens";
+  id: number;
 }
 /**
  * Compute the tangents of a cord from its points.
@@ -272,7 +696,6 @@ export interface SmoothCord {
   kind: "smooth-cord";
   id: number;
   cord: string;
-  [k: string]: unknown;
 }
 /**
  * Build the device up to a stage in the background.
@@ -281,7 +704,126 @@ export interface StartBuild {
   kind: "start-build";
   id: number;
   stage: "mesh" | "optimize" | "report" | "simulate";
-  [k: string]: unknown;
+}
+/**
+ * Check the wiring of the device on its board, step by step.
+ *
+ *     Attributes:
+ *         port: The board's port, or the simulated twin.
+ *         wiggle: Whether the wire of each cord is moved, which finds loose contacts.
+ *         poses: Whether poses are held, if only they show which cord is on which pin.
+ *         reference: Reference resistors, ohm; empty for those that the build proposes.
+ */
+export interface StartCheck {
+  kind: "start-check";
+  id: number;
+  port: string;
+  wiggle: boolean;
+  poses: boolean;
+  reference: number[];
+}
+/**
+ * Run the device live.
+ *
+ *     Attributes:
+ *         model: Name of the model's file.
+ *         port: Source of the readings.
+ *         outputs: Outputs, such as "osc,port=9000"; separated by semicolons.
+ *         uses_file: Whether the outputs of live.toml are used, too.
+ *         keeps_readings: Whether the readings are saved.
+ */
+export interface StartLive {
+  kind: "start-live";
+  id: number;
+  model: string;
+  port: string;
+  outputs: string;
+  usesFile: boolean;
+  keepsReadings: boolean;
+}
+/**
+ * Record the device, step by step, or resume a stopped session.
+ *
+ *     Attributes:
+ *         port: The board's port, "twin" or "none".
+ *         cameras: A camera for each one of the calibration; "twin" or "none".
+ *         calibration: The cameras' calibration file in the device's folder.
+ *         session: Name of the session's folder.
+ *         rounds: Number of rounds through all poses.
+ *         seconds: Time for each pose, s.
+ */
+export interface StartRecording {
+  kind: "start-recording";
+  id: number;
+  port: string;
+  cameras: string;
+  calibration: string;
+  session: string;
+  rounds: number;
+  seconds: number;
+}
+/**
+ * Stop making the body, and keep the previous one.
+ */
+export interface StopBody {
+  kind: "stop-body";
+  id: number;
+}
+/**
+ * Stop the guided run, which can be continued later.
+ */
+export interface StopGuided {
+  kind: "stop-guided";
+  id: number;
+}
+/**
+ * End the live run.
+ */
+export interface StopLive {
+  kind: "stop-live";
+  id: number;
+}
+/**
+ * Cancel the search, and forget its map.
+ *
+ *     Attributes:
+ *         keeps_map: Whether a map that was found is kept.
+ */
+export interface StopNextCord {
+  kind: "stop-next-cord";
+  id: number;
+  keepsMap: boolean;
+}
+/**
+ * Take the present readings as those of the device at rest.
+ */
+export interface TakeRest {
+  kind: "take-rest";
+  id: number;
+}
+/**
+ * Mark a step of the assembly as done, or as not done.
+ */
+export interface TickStage {
+  kind: "tick-stage";
+  id: number;
+  stage: string;
+  isDone: boolean;
+}
+/**
+ * Train a model on sessions.
+ */
+export interface TrainModel {
+  kind: "train-model";
+  id: number;
+  sessions: string[];
+}
+/**
+ * Train a model on the simulated states alone, without any session.
+ */
+export interface TrainOnSimulation {
+  kind: "train-on-simulation";
+  id: number;
 }
 /**
  * Undo the last edit.
@@ -289,7 +831,6 @@ export interface StartBuild {
 export interface Undo {
   kind: "undo";
   id: number;
-  [k: string]: unknown;
 }
 /**
  * Announce a file, whose parts follow as binary messages that begin with this number.
@@ -305,7 +846,259 @@ export interface Upload {
   id: number;
   name: string;
   size: number;
-  [k: string]: unknown;
+}
+/**
+ * Send the surface of the uploaded body as arrays; `UploadedBody.scale` turns it into mm.
+ */
+export interface UploadedSurface {
+  kind: "uploaded-surface";
+  id: number;
+}
+/**
+ * End the search if it runs, and replace the drawn cords by its best ones.
+ */
+export interface UseBest {
+  kind: "use-best";
+  id: number;
+}
+/**
+ * Replace the drawn cords by those of a layout.
+ */
+export interface UseLayout {
+  kind: "use-layout";
+  id: number;
+  name: string;
+}
+/**
+ * Use the fitted response in the device.
+ */
+export interface UseResponse {
+  kind: "use-response";
+  id: number;
+}
+/**
+ * Start or stop to send the frames of the live device to this browser.
+ */
+export interface WatchLive {
+  kind: "watch-live";
+  id: number;
+  isWatching: boolean;
+}
+/**
+ * The steps of the assembly that are done, by their identifiers.
+ */
+export interface AssemblyProgress {
+  kind: "assembly-progress";
+  done: string[];
+}
+/**
+ * Where the body comes from, and the parameters of its script.
+ *
+ *     Attributes:
+ *         file: Name of the file.
+ *         source: Kind of the file.
+ *         parameters: The parameters that have fields.
+ *         other: Names of parameters that only an editor can set in `device.toml`.
+ *         unknown: Names that `device.toml` sets and the script does not accept.
+ *         problem: Why the script cannot be read, or None.
+ */
+export interface BodyParameters {
+  kind: "body-parameters";
+  file: string;
+  source: "mesh" | "script" | "step";
+  parameters: Parameter[];
+  other: string[];
+  unknown: string[];
+  problem: Problem | null;
+}
+/**
+ * A parameter of the body's script.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         kind: What kind of value it takes.
+ *         unit: Unit of a number.
+ *         value: Its value now; None if it has none.
+ *         default: Its value without an entry in `device.toml`; None if it has none.
+ *         low: Lower end of a number's slider, or None.
+ *         high: Upper end of a number's slider, or None.
+ *         step: Step of a number's slider.
+ *         min: Smallest number that the script accepts, or None.
+ *         max: Largest number that the script accepts, or None.
+ *         choices: Values of a choice.
+ *         is_set: Whether `device.toml` has an entry.
+ */
+export interface Parameter {
+  name: string;
+  kind: "choice" | "number" | "switch" | "text" | "whole";
+  unit: string;
+  value: number | boolean | string | null;
+  default: number | boolean | string | null;
+  low: number | null;
+  high: number | null;
+  step: number;
+  min: number | null;
+  max: number | null;
+  choices: string[];
+  isSet: boolean;
+}
+/**
+ * An error, as a page shows it.
+ *
+ *     Attributes:
+ *         code: Stable identifier of the error.
+ *         text: The whole text: where, what is wrong, and what to do.
+ *         message: What is wrong and what to do, without the place.
+ *         field: Dotted name of the key of `device.toml` that is wrong; empty if none is.
+ *         cord: Name of the cord that is concerned; empty if none is.
+ */
+export interface Problem {
+  code: string;
+  text: string;
+  message: string;
+  field: string;
+  cord: string;
+}
+/**
+ * The newest body.
+ *
+ *     Attributes:
+ *         state: "idle" if it is up to date, "making", "waiting" for another job, "stopped" by the
+ *             user, "not-agreed" if the script may not run yet, or "failed".
+ *         text: The state in one sentence; empty if there is nothing to report.
+ *         problem: Why the body could not be made, or None.
+ *         size: Extents (3,) of the newest body, mm; None if none has been made.
+ *         volume: Its volume, mm³.
+ *         is_preview: Whether the body differs from that of the last build, and is sent as the arrays
+ *             "body-preview".
+ */
+export interface BodyStatus {
+  kind: "body-status";
+  state: "failed" | "idle" | "making" | "not-agreed" | "stopped" | "waiting";
+  text: string;
+  problem: Problem | null;
+  size: number[] | null;
+  volume: number;
+  isPreview: boolean;
+}
+/**
+ * All catalogues.
+ */
+export interface Catalogues {
+  kind: "catalogues";
+  catalogues: Catalogue[];
+}
+/**
+ * Materials, cords, filaments of traces, or printers.
+ *
+ *     Attributes:
+ *         name: What it lists.
+ *         columns: Its columns.
+ *         rows: Its rows.
+ */
+export interface Catalogue {
+  name: "cord" | "material" | "printer" | "trace";
+  columns: CatalogueColumn[];
+  rows: CatalogueRow[];
+}
+/**
+ * A column of a catalogue.
+ *
+ *     Attributes:
+ *         label: Its heading.
+ *         unit: Unit of its numbers.
+ */
+export interface CatalogueColumn {
+  label: string;
+  unit: string;
+}
+/**
+ * A row of a catalogue.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         values: Numbers and words by column; None where it has none.
+ *         note: What kind of values these are, such as "measured"; empty for none.
+ *         source: Where the numbers come from.
+ */
+export interface CatalogueRow {
+  name: string;
+  values: (number | string | null)[];
+  note: string;
+  source: string;
+}
+/**
+ * The choices of catalogues, and the fields of the device.
+ */
+export interface DeviceFields {
+  kind: "device-fields";
+  choices: CatalogueChoice[];
+  groups: FieldGroup[];
+}
+/**
+ * A row of a catalogue that the device uses.
+ *
+ *     Attributes:
+ *         catalogue: The catalogue.
+ *         name: Name of the row.
+ *         values: Values of the device by column, which may differ from those of the row.
+ *         is_custom: Whether the catalogue has no such row.
+ *         changed: Labels of the columns whose numbers `device.toml` replaces.
+ */
+export interface CatalogueChoice {
+  catalogue: "cord" | "material" | "printer" | "trace";
+  name: string;
+  values: (number | string | null)[];
+  isCustom: boolean;
+  changed: string[];
+}
+/**
+ * Fields under one heading.
+ *
+ *     Attributes:
+ *         title: The heading.
+ *         fields: Fields that many devices change.
+ *         more: Fields that few devices change.
+ */
+export interface FieldGroup {
+  title: string;
+  fields: DeviceField[];
+  more: DeviceField[];
+}
+/**
+ * A key of `device.toml`, as it is declared, with its value.
+ *
+ *     Attributes:
+ *         key: Its dotted name.
+ *         label: Its label.
+ *         kind: What kind of value it takes.
+ *         unit: Unit of its numbers.
+ *         description: What it means.
+ *         value: Its value in `device.toml`; None without the key.
+ *         default: Value that holds without the key; None if it depends on other values.
+ *         default_text: That value in words; empty if there is none.
+ *         low: Smallest number, or None.
+ *         high: Largest number, or None.
+ *         is_low_open: Whether `low` itself is not accepted.
+ *         is_high_open: Whether `high` itself is not accepted.
+ *         choices: Texts that are accepted.
+ *         can_reset: Whether the key can be removed.
+ */
+export interface DeviceField {
+  key: string;
+  label: string;
+  kind: "choice" | "number" | "switch" | "text" | "whole";
+  unit: string;
+  description: string;
+  value: number | boolean | string | null;
+  default: number | boolean | string | null;
+  defaultText: string;
+  low: number | null;
+  high: number | null;
+  isLowOpen: boolean;
+  isHighOpen: boolean;
+  choices: string[];
+  canReset: boolean;
 }
 /**
  * The device as it is now.
@@ -330,7 +1123,6 @@ export interface DeviceState {
   cords: CordState[];
   regions: string[];
   poses: string[];
-  [k: string]: unknown;
 }
 /**
  * A cord of the device.
@@ -358,7 +1150,407 @@ export interface CordState {
   isSmooth: boolean;
   path: number[][];
   free: string[];
-  [k: string]: unknown;
+}
+/**
+ * The states of the last build whose error can be shown on the surface.
+ */
+export interface ErrorStates {
+  kind: "error-states";
+  states: MappedState[];
+}
+/**
+ * A state whose error is shown on the surface.
+ *
+ *     Attributes:
+ *         name: Name of the state.
+ *         expected: Error at the markers with noise, mm.
+ *         is_held_out: Whether the layout was optimized without it.
+ */
+export interface MappedState {
+  name: string;
+  expected: number;
+  isHeldOut: boolean;
+}
+/**
+ * What a new device can be made from.
+ *
+ *     Attributes:
+ *         devices: The devices to start from.
+ *         formats: Formats of mesh files, in words.
+ *         max_upload_mb: Largest size of an uploaded file, MB.
+ *         units: Units of the lengths in a mesh file.
+ *         materials: Materials of the catalogue.
+ *         default_material: Material that is selected at first.
+ */
+export interface Gallery {
+  kind: "gallery";
+  devices: GalleryDevice[];
+  formats: string;
+  maxUploadMb: number;
+  units: string[];
+  materials: MaterialChoice[];
+  defaultMaterial: string;
+}
+/**
+ * A device to start from.
+ *
+ *     Attributes:
+ *         name: Name by which it is requested.
+ *         title: Its title.
+ *         about: What it senses, in one or two sentences.
+ *         poses: Names of its poses.
+ *         cords: Number of its cords.
+ *         picture: Its picture as a data URL.
+ */
+export interface GalleryDevice {
+  name: string;
+  title: string;
+  about: string;
+  poses: string[];
+  cords: number;
+  picture: string;
+}
+/**
+ * A material of the catalogue.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         young_modulus: Young's modulus at small strain, MPa.
+ */
+export interface MaterialChoice {
+  name: string;
+  youngModulus: number;
+}
+/**
+ * How the parts of the last build are assembled.
+ *
+ *     Attributes:
+ *         id: Identifier of the build's parts; empty without parts.
+ *         cord_radius: Radius of the cords, mm.
+ *         wire_radius: Radius of the wires, mm.
+ *         cords: The cords as built in.
+ *         stages: The steps, in order.
+ *         lists: What to print, to cut and to buy.
+ *         checks: Measurements of the parts with their limits.
+ *         notes: Warnings.
+ *         files: Files of the build.
+ */
+export interface Guide {
+  kind: "guide";
+  id: string;
+  cordRadius: number;
+  wireRadius: number;
+  cords: BuiltCordState[];
+  stages: GuideStage[];
+  lists: GuideList[];
+  checks: GuideList | null;
+  notes: GuideNote[];
+  files: MadeFile[];
+}
+/**
+ * A cord as it is built in.
+ *
+ *     Attributes:
+ *         name: Name of the cord.
+ *         color: Its color, "#rrggbb".
+ *         path: Points (p, 3), mm.
+ */
+export interface BuiltCordState {
+  name: string;
+  color: string;
+  path: number[][];
+}
+/**
+ * A step of the assembly.
+ *
+ *     Attributes:
+ *         id: Identifier of its content; the steps that are done are kept by it.
+ *         title: Its title.
+ *         passages: Instructions, in passages.
+ *         view: What the picture shows.
+ *         cords: Names of the cords in the picture.
+ *         joint: The joint that it closes, or None.
+ */
+export interface GuideStage {
+  id: string;
+  title: string;
+  passages: string[][];
+  view: "assembled" | "cords" | "exploded" | "joint" | "plates";
+  cords: string[];
+  joint: GuideJoint | null;
+}
+/**
+ * The joint that a step closes.
+ *
+ *     Attributes:
+ *         lower: Names of the parts on the table.
+ *         upper: Names of the parts that are lifted.
+ *         lift: Displacement (3,) of the lifted parts in the open joint, mm.
+ *         wires: Lines (p, 3) of the wires, mm.
+ *         pins: The pins.
+ */
+export interface GuideJoint {
+  lower: string[];
+  upper: string[];
+  lift: number[];
+  wires: number[][][];
+  pins: GuidePin[];
+}
+/**
+ * A pin of a joint.
+ *
+ *     Attributes:
+ *         letter: Letter by which the text names it.
+ *         start: One end (3,), mm.
+ *         end: The other end (3,), mm.
+ *         radius: Radius, mm.
+ */
+export interface GuidePin {
+  letter: string;
+  start: number[];
+  end: number[];
+  radius: number;
+}
+/**
+ * A table of texts.
+ *
+ *     Attributes:
+ *         title: Its title.
+ *         header: Headings of the columns.
+ *         rows: Rows with as many texts.
+ */
+export interface GuideList {
+  title: string;
+  header: string[];
+  rows: string[][];
+}
+/**
+ * A warning.
+ *
+ *     Attributes:
+ *         text: The warning.
+ *         point: Where it applies (3,), mm; None for the whole device.
+ */
+export interface GuideNote {
+  text: string;
+  point: number[] | null;
+}
+/**
+ * A file of the build that can be saved.
+ *
+ *     Attributes:
+ *         title: What it is.
+ *         name: Its name.
+ *         path: Its address on this server.
+ *         size: Its size in bytes.
+ */
+export interface MadeFile {
+  title: string;
+  name: string;
+  path: string;
+  size: number;
+}
+/**
+ * The state of a guided run.
+ *
+ *     Attributes:
+ *         run: Title of the run; empty if none runs.
+ *         phase: Phase of the run.
+ *         step: Number of the step, from 0.
+ *         done: Numbers of the finished steps.
+ *         title: Name of the step and its number.
+ *         instruction: What the user has to do; the words between `**` are emphasized.
+ *         status: Lines with what was received.
+ *         progress: Share of the step or of the run that is over, 0 to 1; None for none.
+ *         keys: Keys of the phase.
+ *         parts: Pictures, bars and plots.
+ *         notes: What the user should attend to.
+ *         alerts: How often the user was alerted in this run.
+ */
+export interface GuidedState {
+  kind: "guided-state";
+  run: string;
+  phase: "active" | "done" | "ready" | "waiting";
+  step: number;
+  done: number[];
+  title: string;
+  instruction: string;
+  status: string[];
+  progress: number | null;
+  keys: GuidedKey[];
+  parts: (GuidedBars | GuidedPlot | GuidedPicture)[];
+  notes: string[];
+  alerts: number;
+}
+/**
+ * A key of a guided run.
+ *
+ *     Attributes:
+ *         name: "enter", or a character in lower case.
+ *         label: What it does; empty for a second name of another key.
+ *         action: What it does.
+ *         hint: When it is used; empty if the label says it.
+ */
+export interface GuidedKey {
+  name: string;
+  label: string;
+  action: "back" | "complete" | "repeat" | "skip" | "start" | "stop";
+  hint: string;
+}
+/**
+ * Rows of one or several bars each.
+ *
+ *     Attributes:
+ *         title: What is shown; empty for none.
+ *         names: Names of the rows (r,); empty for none.
+ *         texts: Texts after the rows (r,); empty for none.
+ *         values: Filled share of each bar (r, c), 0 to 1.
+ *         bands: Expected range of each row (r, 2); empty for none.
+ *         states: State of each row (r,), "ok", "fault" or ""; empty for none.
+ *         colors: Number of the color of each row (r,); empty for one color.
+ */
+export interface GuidedBars {
+  part: "bars";
+  title: string;
+  names: string[];
+  texts: string[];
+  values: number[][];
+  bands: number[][];
+  states: string[];
+  colors: number[];
+}
+/**
+ * A plot of curves.
+ *
+ *     Attributes:
+ *         title: What is shown, with the limits of the axes; empty for none.
+ *         curves: The curves, the last one on top.
+ *         x: Limits of x, left and right.
+ *         y: Limits of y, bottom and top.
+ *         aspect: Height relative to the width.
+ *         has_axes: Whether the lines x = 0 and y = 0 are drawn.
+ */
+export interface GuidedPlot {
+  part: "plot";
+  title: string;
+  curves: GuidedCurve[];
+  x: number[];
+  y: number[];
+  aspect: number;
+  hasAxes: boolean;
+}
+/**
+ * Points or a line of a plot.
+ *
+ *     Attributes:
+ *         name: Name in the legend; empty for none.
+ *         x: Coordinates (n,).
+ *         y: Coordinates (n,).
+ *         color: Number of the color; None for gray.
+ *         is_line: Whether the points are connected.
+ */
+export interface GuidedCurve {
+  name: string;
+  x: number[];
+  y: number[];
+  color: number | null;
+  isLine: boolean;
+}
+/**
+ * The picture of a camera, which is sent as arrays under the name `array`.
+ *
+ *     Attributes:
+ *         name: Name of the camera.
+ *         caption: What the camera sees.
+ *         array: Name of the arrays with the picture as JPEG.
+ *         has_image: Whether there is a recent picture.
+ */
+export interface GuidedPicture {
+  part: "picture";
+  name: string;
+  caption: string;
+  array: string;
+  hasImage: boolean;
+}
+/**
+ * What sections of the body can show.
+ *
+ *     Attributes:
+ *         is_ready: Whether the poses are simulated.
+ *         text: What to do first, if they are not.
+ *         revision: Number of the simulation; skins and shapes belong to one.
+ *         states: The states, rest first; empty if not ready.
+ *         first_state: Index of the state to show first.
+ *         origin: Origin (3,) of the plane to show first, mm.
+ *         axes: Its x axis, y axis and normal, (3, 3) by rows.
+ *         middle: Middle (3,) of the body, from which offsets of planes are measured, mm.
+ *         size: Largest extent of the body, mm.
+ *         short_cord: Length of a short cord, mm.
+ *         quantities: The quantities.
+ *         color_maps: The color maps.
+ *         unknown_color: Color (3,) where a quantity is unknown, 0 to 255.
+ */
+export interface InsideState {
+  kind: "inside-state";
+  isReady: boolean;
+  text: string;
+  revision: number;
+  states: StateInfo[];
+  firstState: number;
+  origin: number[];
+  axes: number[][];
+  middle: number[];
+  size: number;
+  shortCord: number;
+  quantities: QuantityInfo[];
+  colorMaps: ColorMap[];
+  unknownColor: number[];
+}
+/**
+ * A simulated state.
+ *
+ *     Attributes:
+ *         name: Name of the state.
+ *         label: What it is called, such as "bend 50 %".
+ */
+export interface StateInfo {
+  name: string;
+  label: string;
+}
+/**
+ * A quantity that a section shows.
+ *
+ *     Attributes:
+ *         name: The quantity.
+ *         label: What it is called.
+ *         hint: What it means.
+ *         unit: Unit of its numbers.
+ *         color_map: Name of its color map.
+ *         needs_direction: Whether it depends on a direction.
+ *         varies_by_state: Whether it differs from state to state.
+ */
+export interface QuantityInfo {
+  name: "along" | "deviation-along" | "deviation-largest" | "largest" | "next-cord" | "smallest";
+  label: string;
+  hint: string;
+  unit: string;
+  colorMap: string;
+  needsDirection: boolean;
+  variesByState: boolean;
+}
+/**
+ * Colors of numbers.
+ *
+ *     Attributes:
+ *         name: Name of the map.
+ *         colors: Colors (k, 3), 0 to 255, at equal distances.
+ *         is_diverging: Whether the middle color is that of zero, and both ends are equally far from
+ *             it; otherwise the map extends from the lower end of a range to its upper end.
+ */
+export interface ColorMap {
+  name: string;
+  colors: number[][];
+  isDiverging: boolean;
 }
 /**
  * The work in the background, or the last one that has ended.
@@ -370,6 +1562,7 @@ export interface CordState {
  *         share: Completed share, 0 to 1.
  *         message: What it does now, in words.
  *         can_pause: Whether it can be paused.
+ *         gives_way: Whether it is canceled when another job is started.
  *         problem: Why it failed, or None.
  */
 export interface Job {
@@ -380,26 +1573,404 @@ export interface Job {
   share: number;
   message: string;
   canPause: boolean;
+  givesWay: boolean;
   problem: Problem | null;
-  [k: string]: unknown;
 }
 /**
- * An error, as a page shows it.
+ * The layouts side by side, the drawn one first, the others by increasing error.
  *
  *     Attributes:
- *         code: Stable identifier of the error.
- *         text: The whole text: where, what is wrong, and what to do.
- *         message: What is wrong and what to do, without the place.
- *         field: Dotted name of the key of `device.toml` that is wrong; empty if none is.
- *         cord: Name of the cord that is concerned; empty if none is.
+ *         rows: The layouts.
+ *         compare_seconds: Estimated time to compute the missing numbers, s; 0 if none is missing.
+ *         obstacle: Why the missing numbers cannot be computed; empty if they can.
  */
-export interface Problem {
+export interface Layouts {
+  kind: "layouts";
+  rows: LayoutRow[];
+  compareSeconds: number;
+  obstacle: string;
+}
+/**
+ * A layout next to others. Numbers that are not computed are None.
+ *
+ *     Attributes:
+ *         name: Unique name of the layout.
+ *         role: Which layout it is.
+ *         is_drawn: Whether the drawn cords are those of the layout.
+ *         error: Error in unseen states, mm.
+ *         trained: Error expected after training, with the memory of the cords, mm.
+ *         trained_low: Lower limit of the range of 90 % of built devices, mm.
+ *         trained_high: Upper limit of this range, mm.
+ *         parts: Number of parts.
+ *         print_hours: Estimated time to print them, h.
+ *         length: Length of all cords with their inlets, mm.
+ *         planes: Number of planes that the body is cut along.
+ *         cords: The cords.
+ *         notes: Warnings about its parts.
+ *         problem: Why it cannot be made; empty if it can.
+ */
+export interface LayoutRow {
+  name: string;
+  role: "built" | "by-eye" | "candidate" | "drawn" | "studied";
+  isDrawn: boolean;
+  error: number | null;
+  trained: number | null;
+  trainedLow: number | null;
+  trainedHigh: number | null;
+  parts: number | null;
+  printHours: number | null;
+  length: number | null;
+  planes: number;
+  cords: GhostCord[];
+  notes: string[];
+  problem: string;
+}
+/**
+ * A cord that is shown and does not belong to the device.
+ *
+ *     Attributes:
+ *         name: Name of the cord.
+ *         path: Points (p, 3) along its path, mm.
+ */
+export interface GhostCord {
+  name: string;
+  path: number[][];
+}
+/**
+ * The device that runs live; its surface and cords at rest follow as arrays.
+ *
+ *     Attributes:
+ *         name: Name of the device; empty if none runs.
+ *         channels: Names of the c channels.
+ *         low: Smallest signals in the training (c,).
+ *         high: Largest signals in the training (c,).
+ *         marker_radius: Typical radius of the markers' 90 % intervals, mm.
+ *         cord_radius: Radius of the cords, mm.
+ *         has_surface: Whether there is a surface, or only markers.
+ *         can_take_rest: Whether the present readings can be taken as those at rest.
+ *         can_record: Whether animations can be recorded.
+ */
+export interface LiveDevice {
+  kind: "live-device";
+  name: string;
+  channels: string[];
+  low: number[];
+  high: number[];
+  markerRadius: number;
+  cordRadius: number;
+  hasSurface: boolean;
+  canTakeRest: boolean;
+  canRecord: boolean;
+}
+/**
+ * What the user should know about the run, a few times a second if it changes.
+ *
+ *     Attributes:
+ *         notes: Notes on the run, or on its last frame.
+ *         latency: Sentences on the latency; empty if unknown.
+ *         is_recording: Whether an animation is being recorded.
+ */
+export interface LiveNotes {
+  kind: "live-notes";
+  notes: string[];
+  latency: string;
+  isRecording: boolean;
+}
+/**
+ * Which page is shown, if it is not the studio.
+ *
+ *     Attributes:
+ *         screen: The live view, or a guided run.
+ *         title: Title of the page.
+ */
+export interface LivePage {
+  kind: "live-page";
+  screen: "guided" | "live";
+  title: string;
+}
+/**
+ * Which version of the device the parts belong to.
+ *
+ *     Attributes:
+ *         code: Whether parts are built, belong to an earlier device, were built with other options,
+ *             or are up to date.
+ *         text: The same in a sentence.
+ *         detail: What has changed, or what to do, in a second sentence; may be empty.
+ *         build_obstacle: Why the parts cannot be built; empty if they can.
+ *         export_obstacle: Why there is nothing to export; empty if there is.
+ *         problem: Why the last build failed, or None.
+ */
+export interface MakeState {
+  kind: "make-state";
+  code: "not-built" | "other-options" | "outdated" | "up-to-date";
+  text: string;
+  detail: string;
+  buildObstacle: string;
+  exportObstacle: string;
+  problem: Problem | null;
+}
+/**
+ * What can be chosen: boards, recordings, models and sessions.
+ *
+ *     Attributes:
+ *         is_built: Whether the device has been built.
+ *         changes: Sentences on the cords that differ from the build.
+ *         ports: Sources of readings, the simulated twin first.
+ *         models: Models, the newest first.
+ *         sessions: Sessions, the newest last.
+ *         free_seed: The next seed of the twin's unit 1 without a session.
+ *         free_session: A name for a new session.
+ *         has_tags: Whether the device's tags exist, which recordings need.
+ *         has_calibration: Whether there is a calibration of cameras.
+ *         has_live_file: Whether the folder has a file with outputs.
+ *         specimens: Measured sessions on specimens of the cord.
+ *         simulated_specimens: Simulated sessions.
+ */
+export interface MeasureChoices {
+  kind: "measure-choices";
+  isBuilt: boolean;
+  changes: string[];
+  ports: PortChoice[];
+  models: ModelChoice[];
+  sessions: SessionChoice[];
+  freeSeed: number;
+  freeSession: string;
+  hasTags: boolean;
+  hasCalibration: boolean;
+  hasLiveFile: boolean;
+  specimens: string[];
+  simulatedSpecimens: string[];
+}
+/**
+ * A source of readings.
+ *
+ *     Attributes:
+ *         port: The port, as the command line takes it.
+ *         label: Its name for users.
+ *         is_board: Whether it is a board, real or simulated, and not a recording.
+ */
+export interface PortChoice {
+  port: string;
+  label: string;
+  isBoard: boolean;
+}
+/**
+ * A model in the device's folder.
+ *
+ *     Attributes:
+ *         name: Name of its file.
+ *         about: One line on it.
+ *         problem: Why it cannot be used; empty if it can.
+ *         warning: Why its test found it useless; empty for a useful one.
+ *         error: Its test error, mm (RMSE); None if it was not tested.
+ */
+export interface ModelChoice {
+  name: string;
+  about: string;
+  problem: string;
+  warning: string;
+  error: number | null;
+}
+/**
+ * A recorded session.
+ *
+ *     Attributes:
+ *         name: Its folder, relative to the device's folder.
+ *         summary: Description in one line; empty if it is not processed.
+ *         problem: Why it cannot be used for training; empty if it can.
+ *         is_raw: Whether it was recorded, but not processed yet.
+ */
+export interface SessionChoice {
+  name: string;
+  summary: string;
+  problem: string;
+  isRaw: boolean;
+}
+/**
+ * The last results; each is None before the first one.
+ */
+export interface MeasureResults {
+  kind: "measure-results";
+  check: CheckResult | null;
+  training: TrainingResult | null;
+  evaluation: EvaluationResult | null;
+  response: ResponseResult | null;
+}
+/**
+ * The result of the last check of the board.
+ *
+ *     Attributes:
+ *         port: The board's port.
+ *         is_sound: Whether all channels are in order.
+ *         is_complete: Whether all steps were done.
+ *         findings: One finding for each channel.
+ *         notes: What could not be decided.
+ *         rate: Readings per second.
+ *         averages: Conversions per reading.
+ *         reference: Reference resistors that were assumed (c,), ohm.
+ */
+export interface CheckResult {
+  port: string;
+  isSound: boolean;
+  isComplete: boolean;
+  findings: ChannelFinding[];
+  notes: string[];
+  rate: number;
+  averages: number;
+  reference: number[];
+}
+/**
+ * What a check found on one channel.
+ *
+ *     Attributes:
+ *         channel: Index of the channel.
+ *         cord: Name of the cord.
+ *         code: "ok", or a stable code of the fault.
+ *         text: What was found.
+ *         action: What to do; empty if nothing.
+ */
+export interface ChannelFinding {
+  channel: number;
+  cord: string;
   code: string;
   text: string;
-  message: string;
-  field: string;
-  cord: string;
-  [k: string]: unknown;
+  action: string;
+}
+/**
+ * A trained model.
+ *
+ *     Attributes:
+ *         model: Name of its file.
+ *         decoders: The decoders that were compared.
+ *         trained_images: Number of images of the training; None if unknown.
+ *         tested_images: Number of images of the test; None if unknown.
+ *         trained_on: What it was trained on, if that was no measurement; else empty.
+ *         warning: Why its test found it useless; empty for a useful model.
+ *         notes: Notes on the training.
+ */
+export interface TrainingResult {
+  model: string;
+  decoders: DecoderResult[];
+  trainedImages: number | null;
+  testedImages: number | null;
+  trainedOn: string;
+  warning: string;
+  notes: string[];
+}
+/**
+ * Errors of one decoder of a training, mm.
+ *
+ *     Attributes:
+ *         decoder: Its name.
+ *         folds: RMSE by cross-validation.
+ *         test: RMSE of the test; None if it was not tested.
+ *         peak: Largest error of the test.
+ *         is_chosen: Whether the model uses it.
+ */
+export interface DecoderResult {
+  decoder: string;
+  folds: number;
+  test: number | null;
+  peak: number | null;
+  isChosen: boolean;
+}
+/**
+ * Errors of a model on images that were not used for training, mm.
+ *
+ *     Attributes:
+ *         model: Name of the model's file.
+ *         rmse: Root mean square error.
+ *         deviation: Standard deviation of the frames' errors.
+ *         peak: Largest error.
+ *         average_peak: Mean over the frames of the largest error.
+ *         frames: Number of frames.
+ *         notes: Notes on the evaluation.
+ */
+export interface EvaluationResult {
+  model: string;
+  rmse: number;
+  deviation: number;
+  peak: number;
+  averagePeak: number;
+  frames: number;
+  notes: string[];
+}
+/**
+ * A fitted response of the cord.
+ *
+ *     Attributes:
+ *         k_res: Relative change of resistance per strain.
+ *         interval: Its 95 % interval, from and to.
+ *         reason: Why this response was chosen.
+ *         strains: Smallest and largest strain.
+ *         readings: Number of readings.
+ *         pieces: Number of pieces of cord.
+ *         warnings: Warnings.
+ *         is_simulated: Whether it was fitted to simulated specimens.
+ *         can_use: Whether the device does not use it yet.
+ */
+export interface ResponseResult {
+  kRes: number;
+  interval: number[];
+  reason: string;
+  strains: number[];
+  readings: number;
+  pieces: number;
+  warnings: string[];
+  isSimulated: boolean;
+  canUse: boolean;
+}
+/**
+ * What the tasks of the step do.
+ */
+export interface MeasureStatus {
+  kind: "measure-status";
+  check: TaskStatus;
+  record: TaskStatus;
+  train: TaskStatus;
+  specimen: TaskStatus;
+  live: TaskStatus;
+}
+/**
+ * What a task does, or how its last run ended.
+ *
+ *     Attributes:
+ *         state: Whether it runs.
+ *         code: Stable identifier of what came of it, such as "recording-complete"; else empty.
+ *         text: What it does, or what came of it.
+ *         problem: Why it failed, or None.
+ */
+export interface TaskStatus {
+  state: "idle" | "running" | "stopping";
+  code: string;
+  text: string;
+  problem: Problem | null;
+}
+/**
+ * What the search of this browser does, or has found.
+ *
+ *     Attributes:
+ *         state: "outdated" after a change of the cords or of the simulation.
+ *         share: Completed share, 0 to 1.
+ *         problem: Why it has failed.
+ *         has_map: Whether a map is known; a coarse one is, while the fine one is searched.
+ *         length: Length of the cords, mm; None from surface to surface.
+ *         tried: Number of cords that were tried.
+ *         error: Expected error of the present cords, mm.
+ *         drop: Decrease of the error by the best cord, mm; 0 if none lowers it.
+ *         ends: Ends (2, 3) of the best cord, mm; empty if none lowers the error.
+ */
+export interface NextCordState {
+  kind: "next-cord-state";
+  state: "canceled" | "failed" | "found" | "none" | "outdated" | "searching";
+  share: number;
+  problem: Problem | null;
+  hasMap: boolean;
+  length: number | null;
+  tried: number;
+  error: number;
+  drop: number;
+  ends: number[][];
 }
 /**
  * A short message that disappears by itself.
@@ -412,7 +1983,26 @@ export interface Notice {
   kind: "notice";
   text: string;
   problem: Problem | null;
-  [k: string]: unknown;
+}
+/**
+ * What is true of the drawn and of the optimized cords.
+ *
+ *     Attributes:
+ *         standing: What the sentence says: nothing can be searched yet, no search has run, one runs,
+ *             the drawn cords are the optimized ones, they differ from them, or the body, the poses
+ *             or the material have changed since.
+ *         text: The sentence.
+ *         obstacle: Why no search can start, or why it would find the same; empty if one can.
+ *         drawn: Expected error of the drawn cords, mm; None if it cannot be predicted.
+ *         built: Expected error of the optimized cords, mm; None before a search.
+ */
+export interface OptimizeState {
+  kind: "optimize-state";
+  standing: "drawn-differ" | "never-searched" | "not-ready" | "optimized" | "outdated" | "searching";
+  text: string;
+  obstacle: string;
+  drawn: number | null;
+  built: number | null;
 }
 /**
  * Which page is shown.
@@ -429,7 +2019,37 @@ export interface Page {
   folder: string;
   problem: Problem | null;
   version: string;
-  [k: string]: unknown;
+}
+/**
+ * The parts of the last build.
+ *
+ *     Attributes:
+ *         id: Identifier of the build's parts; empty without parts.
+ *         parts: The parts.
+ */
+export interface Parts {
+  kind: "parts";
+  id: string;
+  parts: PartState[];
+}
+/**
+ * A part of the device.
+ *
+ *     Attributes:
+ *         name: Its name, which starts with its number.
+ *         color: Its color in the guide, "#rrggbb".
+ *         volume: Volume, mm^3.
+ *         size: Extent along the axes of the device (3,), mm.
+ *         plate: File of the plate that it is printed on; empty if it is cast.
+ *         shift: Displacement (3,) mm in the exploded view.
+ */
+export interface PartState {
+  name: string;
+  color: string;
+  volume: number;
+  size: number[];
+  plate: string;
+  shift: number[];
 }
 /**
  * The steps of the work, and what to do next.
@@ -438,7 +2058,6 @@ export interface Pipeline {
   kind: "pipeline";
   steps: StepStatus[];
   next: NextAction;
-  [k: string]: unknown;
 }
 /**
  * One step of the work.
@@ -453,7 +2072,6 @@ export interface StepStatus {
   name: "body" | "inside" | "make" | "measure" | "optimize" | "poses" | "sensors";
   state: "blocked" | "done" | "ready" | "stale";
   text: string;
-  [k: string]: unknown;
 }
 /**
  * What to do next.
@@ -469,7 +2087,6 @@ export interface NextAction {
   hint: string;
   step: "body" | "inside" | "make" | "measure" | "optimize" | "poses" | "sensors";
   stage: ("mesh" | "optimize" | "report" | "simulate") | null;
-  [k: string]: unknown;
 }
 /**
  * What is expected of the drawn cords and of those that were built.
@@ -492,7 +2109,6 @@ export interface Prediction {
   drawnProblem: Problem | null;
   built: number | null;
   isBuiltDrawn: boolean;
-  [k: string]: unknown;
 }
 /**
  * The error expected of cords, and the limits that they break.
@@ -514,7 +2130,6 @@ export interface Judgement {
   cords: CordNumbers[];
   violations: Violation[];
   broken: number[][];
-  [k: string]: unknown;
 }
 /**
  * What is expected in a pose at its largest level.
@@ -528,7 +2143,6 @@ export interface PoseError {
   pose: string;
   error: number;
   signals: number[];
-  [k: string]: unknown;
 }
 /**
  * Measured numbers of a cord.
@@ -544,7 +2158,6 @@ export interface CordNumbers {
   length: number;
   radius: number | null;
   wall: number;
-  [k: string]: unknown;
 }
 /**
  * A limit that is broken.
@@ -560,7 +2173,6 @@ export interface Violation {
   text: string;
   cords: string[];
   at: number[];
-  [k: string]: unknown;
 }
 /**
  * How far the search for another cord is.
@@ -571,7 +2183,6 @@ export interface Violation {
 export interface ProposalProgress {
   kind: "proposal-progress";
   share: number | null;
-  [k: string]: unknown;
 }
 /**
  * The question whether the body's script may run.
@@ -584,7 +2195,6 @@ export interface Question {
   kind: "question";
   path: string;
   files: ScriptFile[];
-  [k: string]: unknown;
 }
 /**
  * A file that would run.
@@ -598,7 +2208,39 @@ export interface ScriptFile {
   name: string;
   text: string;
   size: number;
-  [k: string]: unknown;
+}
+/**
+ * The devices that were opened before.
+ *
+ *     Attributes:
+ *         devices: The devices; the one that was opened last comes first.
+ *         folder: Folder in which a new device is created.
+ *         is_new_folder: Whether the device gets a new folder of its name in `folder`.
+ */
+export interface RecentDevices {
+  kind: "recent-devices";
+  devices: RecentDevice[];
+  folder: string;
+  isNewFolder: boolean;
+}
+/**
+ * A device that was opened before.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         folder: Its folder.
+ *         opened_at: When it was opened last, in s since 1970.
+ *         picture: Its picture as a data URL; empty for none.
+ *         is_missing: Whether the folder has no device any more.
+ *         is_open: Whether it is the device that is open.
+ */
+export interface RecentDevice {
+  name: string;
+  folder: string;
+  openedAt: number;
+  picture: string;
+  isMissing: boolean;
+  isOpen: boolean;
 }
 /**
  * The answer to a request that sends no arrays.
@@ -613,42 +2255,128 @@ export interface Reply {
   id: number;
   problem: Problem | null;
   result: unknown;
-  [k: string]: unknown;
+}
+/**
+ * The search of this session, while it runs and after it.
+ *
+ *     Attributes:
+ *         state: Whether a search has started, runs or has ended.
+ *         times: Time of work of each layout that it has come to (n,), s.
+ *         currents: Error of these layouts (n,), mm.
+ *         bests: Error of the best layout until then (n,), mm; None before there is one.
+ *         drawn: Error of the drawn cords, mm; None if it cannot be predicted.
+ *         best: Error of the best layout that keeps all limits, mm; None before there is one.
+ *         poses: Errors by pose.
+ *         current_cords: The layout that it has come to; empty after its end.
+ *         best_cords: The best layout.
+ */
+export interface Search {
+  kind: "search";
+  state: "ended" | "none" | "running";
+  times: number[];
+  currents: number[];
+  bests: (number | null)[];
+  drawn: number | null;
+  best: number | null;
+  poses: SearchedPose[];
+  currentCords: GhostCord[];
+  bestCords: GhostCord[];
+}
+/**
+ * The error in a pose at its largest level.
+ *
+ *     Attributes:
+ *         pose: Name of the pose.
+ *         drawn: Error of the drawn cords, mm; None if it cannot be predicted.
+ *         best: Error of the best cords of the search, mm; None before they are found.
+ */
+export interface SearchedPose {
+  pose: string;
+  drawn: number | null;
+  best: number | null;
 }
 export interface Results {
+  "add-next-cord": CordResult;
   "add-straight": CordResult;
   "add-stroke": CordResult;
   answer: null;
   "cancel-job": null;
+  "choose-row": null;
+  "close-device": null;
   "compare-cords": Comparison;
+  "compare-layouts": null;
+  "create-from-body": null;
+  "create-from-gallery": null;
   "delete-cords": null;
   "delete-point": null;
+  "describe-upload": UploadedBody;
   "drag-plane": DragResult;
   "drag-point": DragResult;
   "drag-tangent": DragResult;
   "duplicate-cord": CordResult;
+  "error-map-of": null;
+  "evaluate-model": null;
+  "export-device": ExportResult;
+  "fit-response": null;
+  "forget-device": null;
+  "get-shape": null;
+  "get-skin": null;
   "insert-point": null;
+  "keep-picture": null;
+  "make-body": null;
+  "make-tags": null;
+  "measure-specimen": null;
   "mirror-cord": CordResult;
+  "open-device": null;
   "outline-of": PlaneOutline;
+  "part-meshes": null;
   "pause-job": null;
+  "press-key": null;
+  "probe-point": PointNumbers;
+  "process-sessions": null;
   propose: CordResult;
+  "record-animation": AnimationResult;
+  "record-twin": null;
   redo: null;
+  "refresh-choices": null;
   "rename-cord": null;
   "rename-device": null;
+  "reset-field": null;
+  "reset-parameter": null;
   restore: null;
   "resume-job": null;
+  "search-next-cord": null;
+  "set-field": null;
   "set-freedoms": null;
+  "set-parameter": null;
+  "show-section": null;
+  "simulate-specimens": null;
   "smooth-cord": null;
   "start-build": null;
+  "start-check": null;
+  "start-live": null;
+  "start-recording": null;
+  "stop-body": null;
+  "stop-guided": null;
+  "stop-live": null;
+  "stop-next-cord": null;
+  "take-rest": null;
+  "tick-stage": null;
+  "train-model": null;
+  "train-on-simulation": null;
   undo: null;
   upload: null;
+  "uploaded-surface": null;
+  "use-best": null;
+  "use-layout": null;
+  "use-response": null;
+  "watch-live": WatchResult;
 }
 /**
  * The cord that was added.
  */
 export interface CordResult {
   name: string;
-  [k: string]: unknown;
 }
 /**
  * Two cords next to each other; see `workflow.design.layout_judge.CordComparison`.
@@ -660,7 +2388,39 @@ export interface Comparison {
   largestSignals: number[];
   correlation: number;
   isRedundant: boolean;
-  [k: string]: unknown;
+}
+/**
+ * The body that this browser has uploaded.
+ *
+ *     Attributes:
+ *         name: Name of the file without its suffix.
+ *         format: Suffix of its format, such as ".stl".
+ *         has_unit: Whether the format has a unit, so that neither unit nor size can be chosen.
+ *         unit: The unit; empty if the size determines the scale.
+ *         is_doubtful: Whether that unit is a guess.
+ *         warning: Why the size is unusual; empty if it is not.
+ *         size: Extents (3,), mm.
+ *         volume: Volume, mm³.
+ *         scale: Factor from the vertices that were sent to mm.
+ *         edge_length: Default edge length of the mesh, mm.
+ *         min_edge_length: Smallest edge length that can be computed, mm.
+ *         max_edge_length: Thickness of the body, mm.
+ *         repairs: Repairs of the surface, in words.
+ */
+export interface UploadedBody {
+  name: string;
+  format: string;
+  hasUnit: boolean;
+  unit: string;
+  isDoubtful: boolean;
+  warning: string;
+  size: number[];
+  volume: number;
+  scale: number;
+  edgeLength: number;
+  minEdgeLength: number;
+  maxEdgeLength: number;
+  repairs: string[];
 }
 /**
  * A cord while it is dragged.
@@ -680,7 +2440,17 @@ export interface DragResult {
   snappedTo: string;
   judgement: Judgement | null;
   problem: Problem | null;
-  [k: string]: unknown;
+}
+/**
+ * The zip of the built device.
+ *
+ *     Attributes:
+ *         file: The zip.
+ *         count: Number of files in it.
+ */
+export interface ExportResult {
+  file: MadeFile;
+  count: number;
 }
 /**
  * The outline of the body in a plane.
@@ -694,5 +2464,64 @@ export interface PlaneOutline {
   segments: number[][][];
   low: number[];
   high: number[];
-  [k: string]: unknown;
+}
+/**
+ * Numbers of a point of the body.
+ *
+ *     Attributes:
+ *         rest: Position at rest (3,), mm.
+ *         position: Position in the state (3,), mm.
+ *         along: Strain along the direction, percent.
+ *         largest: Largest principal strain, percent.
+ *         smallest: Smallest principal strain, percent.
+ *         deviation: Standard deviation of the strain over all states, percent.
+ *         drop: Decrease of the expected error by a cord here, mm; None if unknown.
+ */
+export interface PointNumbers {
+  rest: number[];
+  position: number[];
+  along: number;
+  largest: number;
+  smallest: number;
+  deviation: number;
+  drop: number | null;
+}
+/**
+ * What was started or written.
+ */
+export interface AnimationResult {
+  text: string;
+}
+/**
+ * The newest frame's facts; None before the first frame.
+ */
+export interface WatchResult {
+  facts: FrameFacts | null;
+}
+/**
+ * What is sent along with the arrays of a frame.
+ *
+ *     Attributes:
+ *         number: Number of the frame.
+ *         time: Time of the sample on the board's clock, s.
+ *         quality: How far the frame can be trusted.
+ *         quality_text: The same for users.
+ *         marker_radius: Mean radius of the markers' 90 % intervals, mm; None if unknown.
+ *         tracking_error: RMS distance of the markers from where cameras saw them, mm; None without.
+ *         controls: Values of the controls by name, within 0..1 or -1..1.
+ *         confidence: Confidence in each control by name, 0..1.
+ */
+export interface FrameFacts {
+  number: number;
+  time: number;
+  quality: "fallback" | "lost" | "trusted" | "untrained";
+  qualityText: string;
+  markerRadius: number | null;
+  trackingError: number | null;
+  controls: {
+    [k: string]: number;
+  };
+  confidence: {
+    [k: string]: number;
+  };
 }

@@ -1,20 +1,12 @@
 // Keys, and the wheel, which scrolls the page until the view is clicked.
+import { listenForCameraKeys } from "../scene/camera-keys";
 import type { DeviceView } from "./device-view";
 import type { Panel } from "./panel";
 
-const TURN_RAD = 0.12;
-const ZOOM = 1.15;
-
 /** Turn, zoom and play by keys while the view has the focus. */
 export function listenForKeys({ canvas, rig }: DeviceView, panel: Panel): void {
+  listenForCameraKeys(canvas, rig);
   const actions: Record<string, () => void> = {
-    ArrowLeft: () => rig.turnBy(-TURN_RAD, 0),
-    ArrowRight: () => rig.turnBy(TURN_RAD, 0),
-    ArrowUp: () => rig.turnBy(0, TURN_RAD),
-    ArrowDown: () => rig.turnBy(0, -TURN_RAD),
-    "+": () => rig.zoomBy(ZOOM),
-    "=": () => rig.zoomBy(ZOOM),
-    "-": () => rig.zoomBy(1 / ZOOM),
     0: () => panel.look("home"),
     Home: () => panel.look("home"),
     1: () => panel.look("front"),

@@ -25,6 +25,8 @@ import { Follower } from "./followers";
 import { weightsAt } from "./interpolation";
 import { Part, PosedSurface, type Prediction } from "./surfaces";
 
+/** Height of the hint at the lower edge. */
+const HINT_PX = 24;
 const LARGEST_PIXEL_RATIO = 2;
 /** Time between changes of the shadow while something moves, ms. */
 const SHADOW_INTERVAL_MS = 120;
@@ -76,6 +78,7 @@ export class DeviceView {
     this.renderer.toneMapping = NoToneMapping;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, LARGEST_PIXEL_RATIO));
     this.rig = new CameraRig(canvas, () => this.draw());
+    this.rig.marginHeight = HINT_PX;
     this.rig.controls.minDistance = 0.05 * this.content.size;
     this.rig.controls.maxDistance = 50 * this.content.size;
     this.parts = this.content.parts.map((part, k) => new Part(part, k, contents));

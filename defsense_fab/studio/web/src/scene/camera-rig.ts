@@ -6,6 +6,7 @@ import {
   OrthographicCamera,
   PerspectiveCamera,
   Quaternion,
+  Spherical,
   Vector3,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
@@ -15,11 +16,12 @@ const FIELD_OF_VIEW_DEG = 28;
 /** Field of view at which a perspective view is replaced by an orthographic one. */
 const SMALLEST_FIELD_DEG = 1;
 const CHANGE_MS = 320;
-const FIT_MARGIN = 1.16;
-/** Directions of view that are closer to the vertical have no right and left. */
-const LARGEST_HEIGHT_RAD = Math.PI / 2 - 0.02;
+const FIT_MARGIN = 1.1;
+const TOOLBAR_PX = 52;
 const FIT_STEPS = 4;
 const UP = new Vector3(0, 0, 1);
+const TO_Y_UP = new Quaternion().setFromUnitVectors(UP, new Vector3(0, 1, 0));
+const FROM_Y_UP = TO_Y_UP.clone().invert();
 const IS_MOTION_REDUCED = matchMedia("(prefers-reduced-motion: reduce)");
 
 const DIRECTIONS: Record<ViewName, [number, number, number]> = {
@@ -53,12 +55,16 @@ export class CameraRig {
   readonly orthographic = new OrthographicCamera();
   camera: PerspectiveCamera | OrthographicCamera = this.perspective;
   readonly controls: OrbitControls;
+  /** Height at the upper edge that is left free, and the same at the lower edge, px. */
+  marginHeight = TOOLBAR_PX;
   private width = 1;
   private height = 1;
   private readonly bounds = { center: new Vector3(), radius: 50 };
   private corners: Vector3[] = [];
   private change: Change | null = null;
   private leftView: View | null = null;
+  /** Whether the view is one that shows the whole object, and not moved since. */
+  private isFitted = false;
 
   constructor(
     element: HTMLElement,
@@ -71,7 +77,10 @@ export class CameraRig {
     this.controls.zoomToCursor = true;
     this.controls.mouseButtons = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.PAN, RIGHT: MOUSE.PAN };
     this.controls.addEventListener("change", onChange);
-    this.controls.addEventListener("start", () => (this.change = null));
+    this.controls.addEventListener("start", () => {
+      this.change = null;
+      this.isFitted = false;
+    });
   }
 
   get projection(): Projection {
@@ -88,10 +97,13 @@ export class CameraRig {
   }
 
   resize(width: number, height: number): void {
-    const { height: visible } = this.view();
+    const view = this.goal();
     this.width = width;
     this.height = height;
-    this.show({ ...this.view(), height: visible });
+    if (this.isFitted) {
+      this.change = null;
+      this.show(this.fitted(view.turn, view.up, view.fieldDeg));
+    } else this.show(this.view());
   }
 
   /** Set what Fit shows: a box in the rest frame, mm. */
@@ -111,18 +123,44 @@ export class CameraRig {
   /** Show the whole object, from the present direction. */
   fit(isSmooth = true): void {
     const { turn, up, fieldDeg } = this.goal();
-    this.go(this.fitted(turn, up, fieldDeg), isSmooth);
+    this.go(this.fitted(turn, up, fieldDeg), isSmooth, true);
   }
 
   /** Show the whole object from a side. */
   look(name: ViewName, isSmooth = true): void {
     const turn = facing(upright(new Vector3(...DIRECTIONS[name])), UP);
-    this.go(this.fitted(turn, UP, this.goal().fieldDeg), isSmooth);
+    this.go(this.fitted(turn, UP, this.goal().fieldDeg), isSmooth, true);
   }
 
   /** Turn around the middle of the view, until it is seen from a direction. */
   turnTo(direction: Vector3): void {
     this.go({ ...this.goal(), turn: facing(upright(direction), UP), up: UP.clone() }, true);
+  }
+
+  /** Turn the camera around the middle, to the right and upward, degrees. */
+  turnBy(right: number, up: number): void {
+    if (this.isFacing) return;
+    const view = this.goal();
+    const from = new Spherical().setFromVector3(
+      new Vector3(0, 0, 1).applyQuaternion(view.turn).applyQuaternion(TO_Y_UP),
+    );
+    from.theta += (right * Math.PI) / 180;
+    from.phi = Math.min(Math.PI - 1e-5, Math.max(1e-5, from.phi - (up * Math.PI) / 180));
+    const direction = new Vector3().setFromSpherical(from).applyQuaternion(FROM_Y_UP);
+    this.go({ ...view, turn: facing(direction, UP) }, true);
+  }
+
+  /** Move the view by shares of its height, percent. */
+  panBy(right: number, up: number): void {
+    const view = this.goal();
+    const shift = new Vector3(right, up, 0).multiplyScalar(view.height / 100);
+    this.go({ ...view, target: view.target.clone().add(shift.applyQuaternion(view.turn)) }, true);
+  }
+
+  /** Multiply the visible height by a factor. */
+  zoomBy(factor: number): void {
+    const view = this.goal();
+    this.go({ ...view, height: view.height * factor }, true);
   }
 
   setProjection(projection: Projection): void {
@@ -148,33 +186,13 @@ export class CameraRig {
     this.show({ ...view, target, height: (view.height * after.height) / before.height });
   }
 
-  /** Turn the object to the right around the vertical, and up, by angles in radians. */
-  turnBy(right: number, up: number): void {
-    const view = this.goal();
-    const direction = new Vector3(0, 0, 1).applyQuaternion(view.turn).applyAxisAngle(UP, -right);
-    const height = Math.asin(Math.min(Math.max(direction.z, -1), 1)) - up;
-    const level = Math.atan2(direction.y, direction.x);
-    const limited = Math.min(Math.max(height, -LARGEST_HEIGHT_RAD), LARGEST_HEIGHT_RAD);
-    direction.set(Math.cos(level), Math.sin(level), 0).multiplyScalar(Math.cos(limited));
-    direction.z = Math.sin(limited);
-    this.change = null;
-    this.show({ ...view, turn: facing(direction, UP), up: UP.clone() });
-  }
-
-  /** Enlarge the picture by a factor. */
-  zoomBy(factor: number): void {
-    const view = this.goal();
-    this.change = null;
-    this.show({ ...view, height: view.height / factor });
-  }
-
   /** Face a plane in an orthographic view, its x axis to the right, until `leave`. */
   face({ axes }: Frame): void {
     this.leftView ??= this.goal();
     const [, y, normal] = axes.map((axis) => new Vector3(...(axis as [number, number, number])));
     this.controls.enableRotate = false;
     this.controls.mouseButtons.LEFT = null;
-    this.go(this.fitted(facing(normal!, y!), y!, 0), true);
+    this.go(this.fitted(facing(normal!, y!), y!, 0), true, true);
   }
 
   /** Return to the view before `face`. */
@@ -263,7 +281,8 @@ export class CameraRig {
     return this.change?.to ?? this.view();
   }
 
-  private go(to: View, isSmooth: boolean): void {
+  private go(to: View, isSmooth: boolean, isFitted = false): void {
+    this.isFitted = isFitted;
     const isInstant = !isSmooth || IS_MOTION_REDUCED.matches;
     this.change = { from: this.view(), to, start: isInstant ? -Infinity : performance.now() };
     this.onChange();
@@ -275,6 +294,7 @@ export class CameraRig {
     const isFlat = fieldDeg < SMALLEST_FIELD_DEG;
     const slope = tangent(Math.max(fieldDeg, SMALLEST_FIELD_DEG)) / FIT_MARGIN;
     const aspect = this.width / this.height;
+    const crop = this.height / Math.max(this.height - 2 * this.marginHeight, this.height / 2);
     const points = this.corners.map((corner) =>
       corner.clone().sub(this.bounds.center).applyQuaternion(inverse),
     );
@@ -289,7 +309,7 @@ export class CameraRig {
       middle.x += (Math.min(...xs) + Math.max(...xs)) / 2;
       middle.y += (Math.min(...ys) + Math.max(...ys)) / 2;
       const halves = points.map(({ x, y }) =>
-        Math.max(Math.abs(y - middle.y), Math.abs(x - middle.x) / aspect),
+        Math.max(Math.abs(y - middle.y) * crop, Math.abs(x - middle.x) / aspect),
       );
       distance = Math.max(...points.map(({ z }, i) => halves[i]! / slope + z));
       height = isFlat ? 2 * FIT_MARGIN * Math.max(...halves) : 2 * distance * tangent(fieldDeg);
@@ -306,7 +326,7 @@ function tangent(fieldDeg: number): number {
 /** Return a direction from which the x axis is to the right also if it is vertical. */
 function upright(direction: Vector3): Vector3 {
   const { x, y, z } = direction;
-  return Math.hypot(x, y) < 1e-4 * Math.abs(z) ? new Vector3(0, -1e-5, Math.sign(z)) : direction;
+  return Math.hypot(x, y) < 1e-3 * Math.abs(z) ? new Vector3(0, -1e-5, Math.sign(z)) : direction;
 }
 
 function facing(from: Vector3, up: Vector3): Quaternion {

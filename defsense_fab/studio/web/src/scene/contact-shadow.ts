@@ -43,7 +43,10 @@ const FLOOR_FRAGMENT = /* glsl */ `
   uniform sampler2D image;
   uniform float strength;
   varying vec2 vUv;
-  void main() { gl_FragColor = vec4(0.0, 0.0, 0.0, strength * texture2D(image, vec2(vUv.x, 1.0 - vUv.y)).a); }
+  void main() {
+    float shadow = texture2D(image, vec2(vUv.x, 1.0 - vUv.y)).a;
+    gl_FragColor = vec4(0.0, 0.0, 0.0, strength * shadow);
+  }
 `;
 
 export class ContactShadow {
@@ -120,7 +123,8 @@ export class ContactShadow {
   }
 
   dispose(): void {
-    for (const item of [this.sharp, this.soft, this.depth, this.blur, this.material]) item.dispose();
+    for (const target of [this.sharp, this.soft]) target.dispose();
+    for (const material of [this.depth, this.blur, this.material]) material.dispose();
     this.floor.geometry.dispose();
   }
 

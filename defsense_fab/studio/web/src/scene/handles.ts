@@ -87,7 +87,9 @@ export class CordHandles {
     });
     const ends = this.shape && this.selected >= 0 ? 2 : 0;
     while (this.tangents.length > ends) this.tangents.pop()!.dispose();
-    while (this.tangents.length < ends) this.tangents.push(this.tangentButton(this.tangents.length));
+    for (let end = this.tangents.length; end < ends; end++) {
+      this.tangents.push(this.tangentButton(end));
+    }
     this.viewer.refresh();
   }
 

@@ -141,8 +141,8 @@ export class LabelLayer {
         const left = Math.round(x + sx * (width / 2 + stem / 2) - width / 2);
         const top = Math.round(y + sy * (height / 2 + stem) - height / 2);
         const box = { left, top, right: left + width, bottom: top + height };
-        const isInside =
-          left >= 0 && top >= 0 && box.right <= this.viewer.width && box.bottom <= this.viewer.height;
+        const { width: right, height: bottom } = this.viewer;
+        const isInside = left >= 0 && top >= 0 && box.right <= right && box.bottom <= bottom;
         if (isInside && !used.some((other) => overlaps(box, other))) return box;
       }
     }

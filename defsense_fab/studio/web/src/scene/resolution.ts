@@ -3,7 +3,7 @@
 const SLOW_MS = 40;
 const FAST_MS = 18;
 const LARGEST_RATIO = 2;
-const LOWEST_SHARE = 0.5;
+const LOWEST_SHARE = 0.66;
 /** Frames that are farther apart do not follow each other. */
 const LARGEST_GAP_MS = 400;
 
@@ -27,11 +27,6 @@ export class Resolution {
   /** Whether moving pictures must have fewer triangles. */
   get isCoarse(): boolean {
     return this.isMoving && this.isHeavy;
-  }
-
-  /** Average time between frames while something moves, ms. */
-  get frameMs(): number {
-    return this.average;
   }
 
   /** Record a frame; adapt the resolution of moving pictures. */

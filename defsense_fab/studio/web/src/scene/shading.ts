@@ -14,7 +14,7 @@ import {
 const BODY_STENCIL = 1;
 
 // The sky is above in the world, the key light stays at the viewer's left shoulder.
-const LIGHT = /* glsl */ `
+export const LIGHT = /* glsl */ `
   const vec3 KEY = vec3(-0.36, 0.52, 0.775);
   vec3 lit(vec3 base, vec3 normal) {
     float up = dot(normal, viewMatrix[2].xyz);

@@ -20,10 +20,16 @@ export class ViewCube {
     this.gizmo.animated = false;
     this.gizmo.addEventListener("start", () => (this.before = viewer.rig.view()));
     this.gizmo.addEventListener("change", () => {
-      this.isClicked = this.gizmo.animating;
+      this.isClicked ||= this.gizmo.animating;
       viewer.invalidate();
     });
     this.gizmo.addEventListener("end", () => this.onEnd());
+    // The side under the pointer is highlighted.
+    for (const kind of ["pointermove", "pointerout"] as const) {
+      viewer.overlay.addEventListener(kind, ({ target }) => {
+        if ((target as Element).closest(".viewer-cube")) viewer.refresh();
+      });
+    }
   }
 
   get isBusy(): boolean {

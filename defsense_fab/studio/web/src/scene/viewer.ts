@@ -1,5 +1,6 @@
 // The scene: it renders only when something has changed, and owns camera, layers and overlay.
 import {
+  Box3,
   type Color,
   LinearSRGBColorSpace,
   Mesh,
@@ -11,6 +12,7 @@ import {
   WebGLRenderer,
 } from "three";
 import { BodyLayer } from "./body-layer";
+import { listenForCameraKeys } from "./camera-keys";
 import { CameraRig } from "./camera-rig";
 import { ContactShadow } from "./contact-shadow";
 import { CordLayer } from "./cord-layer";
@@ -53,7 +55,8 @@ export class Viewer {
   private readonly projected = new Vector3();
   private frame = 0;
   private stillTimer = 0;
-  private hasBody = false;
+  /** What the camera was fitted to. */
+  private shown: "nothing" | "cords" | "body" = "nothing";
   private isMoving = false;
 
   constructor(private readonly host: HTMLElement) {
@@ -66,7 +69,7 @@ export class Viewer {
     this.canvas.className = "viewer-canvas";
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "application");
-    this.canvas.setAttribute("aria-label", "Scene");
+    this.canvas.setAttribute("aria-label", "Scene; arrow keys turn the view");
     this.overlay.className = "viewer-overlay";
     // Handles and labels do not keep the wheel from the camera.
     this.overlay.addEventListener("wheel", (event) => {
@@ -76,12 +79,13 @@ export class Viewer {
     host.classList.add("viewer");
     host.append(this.canvas, this.overlay);
     this.rig = new CameraRig(this.canvas, () => this.invalidate());
+    listenForCameraKeys(this.canvas, this.rig);
     this.body = new BodyLayer(
       () => this.invalidate(),
       () => this.onBodyShape(),
     );
     this.cords = new CordLayer(
-      () => this.refresh(),
+      () => this.onCordChange(),
       () => this.invalidate(),
     );
     this.background.frustumCulled = false;
@@ -155,6 +159,18 @@ export class Viewer {
     this.scale.setHidden(isPlain);
   }
 
+  /** Show or hide the shadow; it is that of the body as the layer shows it. */
+  setShadowVisible(isVisible: boolean): void {
+    this.shadow.object.visible = isVisible;
+    this.invalidate();
+  }
+
+  /** Show the shadow of the body, or hide it where other things take its place. */
+  setShadow(isShown: boolean): void {
+    this.shadow.object.visible = isShown;
+    this.refresh();
+  }
+
   dispose(): void {
     cancelAnimationFrame(this.frame);
     clearTimeout(this.stillTimer);
@@ -205,9 +221,19 @@ export class Viewer {
   private onBodyShape(): void {
     this.shadow.isStale = true;
     this.rig.setBounds(this.body.box);
-    if (!this.hasBody) this.rig.look("home", false);
-    this.hasBody = true;
+    if (this.shown !== "body") this.rig.look("home", false);
+    this.shown = "body";
     this.invalidate();
+  }
+
+  private onCordChange(): void {
+    const points = this.cords.cords.flatMap(({ path }) => path);
+    if (this.shown === "nothing" && points.length > 0) {
+      this.rig.setBounds(new Box3().setFromArray(points.flat()));
+      this.rig.look("home", false);
+      this.shown = "cords";
+    }
+    this.refresh();
   }
 
   private resize(): void {

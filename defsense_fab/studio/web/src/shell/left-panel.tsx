@@ -17,6 +17,7 @@ import {
   toggleHidden,
 } from "../state/selection";
 import { STEP_LABELS, type StepName, enterStep } from "../state/step";
+import { partNodes } from "../steps/make/part-nodes";
 import { IconButton } from "../ui/button";
 import type { IconName } from "../ui/icons";
 import { commandEntry, openContextMenuFor } from "../ui/menu";
@@ -65,6 +66,7 @@ function nodes(): TreeNode[] {
       poses.map((name) => itemNode({ kind: "pose", name }, "pose")),
     ),
     group("cords", sensors, cords.map(cordNode)),
+    ...partNodes(),
   ];
 }
 

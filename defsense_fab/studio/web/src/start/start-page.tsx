@@ -1,22 +1,46 @@
 import { PageMenu } from "../shell/page-menu";
+import { device } from "../state/connection";
 import { canReturn, showDevice } from "../state/step";
 import { Button } from "../ui/button";
-import { EmptyState } from "../ui/feedback";
+import { BodyForm } from "./body-form";
+import { DropZone } from "./drop-zone";
+import "./device-picture";
+import "./follow-device";
+import { Gallery } from "./gallery";
+import { IntroductionOffer } from "./introduction-offer";
+import { RecentDeviceList, recentDevices } from "./recent-devices";
+import "./start.css";
+import { uploadedBody } from "./upload";
 
-/** The page of all devices. */
+/** The page of all devices: open one, or create one. */
 export function StartPage() {
+  if (uploadedBody.value) return <BodyForm body={uploadedBody.value} />;
+  const hasRecent = (recentDevices.value?.devices.length ?? 0) > 0;
   return (
-    <div class="start-page">
+    <div class="start">
       <header class="start-header">
         <h1>DefSense studio</h1>
+        {canReturn.value && (
+          <Button icon="arrowLeft" onClick={showDevice}>
+            Back to {device.value?.name ?? "the device"}
+          </Button>
+        )}
         <PageMenu />
       </header>
-      <main>
-        <EmptyState
-          icon="devices"
-          text="No devices are listed yet."
-          action={canReturn.value && <Button onClick={showDevice}>Back to the device</Button>}
-        />
+      <main class="start-content">
+        <IntroductionOffer />
+        {hasRecent && (
+          <section aria-labelledby="recent-title">
+            <h2 id="recent-title">Recent devices</h2>
+            <RecentDeviceList />
+          </section>
+        )}
+        <section aria-labelledby="new-title">
+          <h2 id="new-title">New device</h2>
+          <DropZone />
+          <h3 class="start-subtitle">Or start from an example, and change it as you like</h3>
+          <Gallery />
+        </section>
       </main>
     </div>
   );

@@ -13,8 +13,10 @@ export const prediction = connection.event("prediction");
 export const job = connection.event("job");
 export const question = connection.event("question");
 
-/** Whether work runs in the background or is paused; only one job runs at a time. */
-export const isJobActive = computed(() => (job.value?.state ?? "idle") !== "idle");
+/** Whether a job runs or is paused, and no other one can start. */
+export const isJobActive = computed(
+  () => (job.value?.state ?? "idle") !== "idle" && !job.value?.givesWay,
+);
 
 /** Texts of the broken limits by the name of the cord that breaks them. */
 export const violationsByCord = computed(() => {

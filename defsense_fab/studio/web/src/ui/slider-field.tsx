@@ -2,7 +2,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { useField } from "./field";
 import { Icon } from "./icons";
-import { formatNumber, parseNumber, rangeError } from "./number";
+import { type Range, formatNumber, parseNumber, rangeError } from "./number";
 
 interface SliderFieldProps {
   label: string;
@@ -11,6 +11,8 @@ interface SliderFieldProps {
   max: number;
   step?: number;
   unit?: string;
+  /** Numbers that can be typed; by default those of the slider. */
+  limits?: Range;
   /** Called while the handle is dragged. */
   onInput?: (value: number) => void;
   /** Called when it is released, and for a number that is typed. */
@@ -44,7 +46,8 @@ export function SliderField(props: SliderFieldProps) {
     typed.value = null;
     if (text === null) return;
     const number = parseNumber(text, unit);
-    const reason = number === null ? "must be a number" : rangeError(number, { min, max }, unit);
+    const limits = props.limits ?? { min, max };
+    const reason = number === null ? "must be a number" : rangeError(number, limits, unit);
     if (number === null || reason) {
       state.setError(`${label} ${reason}; you typed ${text.trim() || "nothing"}`);
       return;

@@ -1,5 +1,6 @@
 // The step Sensors: cords are drawn, dragged and judged.
 import { registerStep } from "../registry";
+import { HeatMapLegend } from "./heat-map";
 import { SensorsInspector } from "./inspector";
 import { PredictionPanel } from "./prediction-panel";
 import "./sensors.css";
@@ -8,6 +9,7 @@ import { SensorsToolbar } from "./toolbar";
 registerStep("sensors", {
   inspector: SensorsInspector,
   toolbar: SensorsToolbar,
+  legend: HeatMapLegend,
   bottom: PredictionPanel,
   bottomTitle: "Expected error and signals",
 });

@@ -5,6 +5,7 @@ import { viewer } from "../../scene/stage";
 import { connection, device, prediction } from "../../state/connection";
 import { run } from "../../state/run";
 import { select, selectedNames } from "../../state/selection";
+import { showToast } from "../../state/toasts";
 import { type MenuEntry, commandEntry, openContextMenu } from "../../ui/menu";
 import { planeAcross } from "./planes";
 import {
@@ -26,7 +27,10 @@ async function add(request: Promise<{ name: string } | null>): Promise<void> {
 export function startDrawing(isNewPath = false): void {
   const cord = selectedCord.peek();
   const box = viewer.peek()?.body.box;
-  if (!box || box.isEmpty()) return;
+  if (!box || box.isEmpty()) {
+    showToast("Make the body before you draw in it", null, true);
+    return;
+  }
   isRedrawing.value = isNewPath && cord !== null;
   if (cord?.isPlanar) {
     drawingFrame.value = { origin: cord.origin, axes: cord.axes };
@@ -51,7 +55,7 @@ export function stopDrawing(): void {
   drawingFrame.value = null;
 }
 
-/** Add a control point in the middle of the longest span, or of the one after the selected point. */
+/** Add a control point in the longest span, or in the one after the selected point. */
 export function addPoint({ name, points }: CordState): void {
   const spans = points.slice(1).map((p, i) => Math.hypot(...p.map((v, k) => v - points[i]![k]!)));
   const chosen = selectedPoint.peek();

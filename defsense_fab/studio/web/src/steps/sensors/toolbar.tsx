@@ -11,6 +11,7 @@ import { select } from "../../state/selection";
 import { IconButton } from "../../ui/button";
 import { SegmentedControl } from "../../ui/choices";
 import { CordEditor } from "./cord-editor";
+import { HeatMapTools, heatMap } from "./heat-map";
 import { showLimits } from "./limit-labels";
 import { axisAcross, atOffset, offsetOf, planeAcross, type PlaneAxis } from "./planes";
 import {
@@ -96,6 +97,7 @@ function PlaneTools() {
         <output>{value.toFixed(1)} mm</output>
       </label>
       <IconButton icon="close" label="Stop drawing" shortcut="Escape" onClick={stopDrawing} />
+      <HeatMapTools />
     </>
   );
 }
@@ -114,6 +116,10 @@ function editCords(scene: NonNullable<typeof viewer.value>): () => void {
       void run(connection.send("outline-of", { origin, axes })).then((outline) => {
         if (outline && drawingFrame.peek() === frame) board.setOutline(outline.segments);
       });
+    }),
+    heatMap.open(scene),
+    effect(() => {
+      heatMap.plane.value = drawingFrame.value;
     }),
     showLimits(scene),
   ];

@@ -1,0 +1,28 @@
+"""What the buttons of a live view do, and where its texts come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from ..frames.live_frame import Note
+
+
+@dataclass
+class PanelActions:
+    """The actions of a live view's buttons, and the sources of its texts.
+
+    Attributes:
+        rest: Takes the present readings as those at rest; None for no button.
+        record: Starts (True) or stops (False) an animation, and returns a message about it; None
+            for no button.
+        is_recording: Returns whether an animation is being recorded.
+        notes: Returns notes on the whole run, which replace those of the frame.
+        latency: Returns a sentence about the latency.
+    """
+
+    rest: Callable[[], None] | None = None
+    record: Callable[[bool], str] | None = None
+    is_recording: Callable[[], bool] = lambda: False
+    notes: Callable[[], Sequence[Note | str]] | None = None
+    latency: Callable[[], str] | None = None

@@ -1,0 +1,1 @@
+"""The step Make: parts, their assembly, lists of materials, and the export."""

@@ -1,0 +1,50 @@
+"""Which version of the device the parts belong to, in sentences."""
+
+from __future__ import annotations
+
+from ....workflow.view import Problem
+from ...messages.make import MakeState
+from ...workbench.build_state import BuildState
+
+
+def make_state(state: BuildState, build_obstacle: str, problem: Problem | None) -> MakeState:
+    """Return the state of the parts as the page gets it.
+
+    Args:
+        state: Which version of the device the parts belong to.
+        build_obstacle: Why the parts cannot be built; empty if they can.
+        problem: Why the last build failed, or None.
+    """
+    text, detail = _texts(state)
+    obstacles = {
+        "not-built": "There is nothing to export before the parts are built",
+        "outdated": "The parts belong to an earlier device: build them first",
+    }
+    return MakeState(
+        code=state.code,  # type: ignore[arg-type]  # one of the codes of BuildState
+        text=text,
+        detail=detail,
+        build_obstacle=build_obstacle,
+        export_obstacle=obstacles.get(state.code, ""),
+        problem=problem,
+    )
+
+
+def _texts(state: BuildState) -> tuple[str, str]:
+    """Return a sentence, and a second one with what has changed or what to do."""
+    if not state.is_built:
+        return "The parts are not built yet.", ""
+    if state.outdated_stage is not None:
+        changes = f" ({state.changes})" if state.changes else ""
+        return (
+            "The device has changed since the parts were built.",
+            f"The first outdated stage is “{state.outdated_stage}”{changes}. The parts below stay"
+            " until the next build.",
+        )
+    if state.options:
+        return (
+            "The parts are up to date, with other options than device.toml.",
+            f"They were built with {state.options}. To keep these options, set them under"
+            " [fabrication] in device.toml.",
+        )
+    return "The parts are up to date.", ""

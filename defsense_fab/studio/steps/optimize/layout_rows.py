@@ -1,0 +1,138 @@
+"""Layouts side by side as the page gets them, with the same numbers for each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ....core.device.device import Device, Sensor
+from ....core.errors import DefsenseError
+from ....workflow.build.results import Build
+from ....workflow.design.compare_layouts import DRAWN, VISUAL, ComparedLayout
+from ....workflow.design.layout_judge import LayoutJudge
+from ....workflow.fabrication.print_time import print_hours
+from ...messages.optimize import LayoutRow, Role
+from ...workbench.comparison_job import by_error
+from .ghost_cords import are_same, ghost_cords
+
+_MAX_INLET_MM = 1e3  # an inlet that does not leave the body is infinite
+
+
+@dataclass(frozen=True)
+class RowContext:
+    """What the numbers of layouts are computed from.
+
+    Attributes:
+        device: The device.
+        judge: Measures cords; None until the poses are simulated.
+        volume: Volume of the body, mm^3; None if there is no body.
+    """
+
+    device: Device
+    judge: LayoutJudge | None
+    volume: float | None
+
+
+def without_outdated(
+    layouts: Sequence[ComparedLayout], drawn: Sequence[Sensor]
+) -> list[ComparedLayout]:
+    """Drop the compared drawn cords if they have changed since, or are those of another layout."""
+    others = [layout for layout in layouts if layout.name != DRAWN]
+    if any(are_same(layout.sensors, drawn) for layout in others):
+        return others
+    return [x for x in layouts if x.name != DRAWN or are_same(x.sensors, drawn)]
+
+
+def compared_drawn(context: RowContext, layouts: Sequence[ComparedLayout]) -> ComparedLayout | None:
+    """Return the drawn cords as a layout; None if they are those of one of the layouts.
+
+    Numbers of parts that were made on trial are used if these are the cords that were drawn then.
+    """
+    sensors = context.device.sensors
+    if not sensors or any(are_same(layout.sensors, sensors) for layout in layouts):
+        return None
+    error, trained = math.nan, None
+    if context.judge is not None:
+        try:
+            judged = context.judge.judge(sensors)
+        except DefsenseError:
+            judged = None
+        if judged is not None:
+            error = judged.error
+            if judged.trained is not None:
+                trained = (judged.trained, math.nan, math.nan)
+    return ComparedLayout(DRAWN, sensors, error, trained=trained)
+
+
+def layout_rows(context: RowContext, layouts: Sequence[ComparedLayout]) -> list[LayoutRow]:
+    """Return the rows of layouts, the drawn one first, the others by increasing error."""
+    drawn = context.device.sensors
+    rows = [_row(context, layout, are_same(layout.sensors, drawn)) for layout in by_error(layouts)]
+    return sorted(rows, key=lambda row: not row.is_drawn)
+
+
+def is_complete(layouts: Sequence[ComparedLayout]) -> bool:
+    """Return whether a comparison has computed all numbers of the layouts."""
+    names = {layout.name for layout in layouts}
+    return VISUAL in names and all(
+        layout.is_studied
+        or layout.problem is not None
+        or (layout.parts is not None and layout.band is not None)
+        for layout in layouts
+    )
+
+
+def _row(context: RowContext, layout: ComparedLayout, is_drawn: bool) -> LayoutRow:
+    trained = layout.trained or (math.nan, math.nan, math.nan)
+    hours = None
+    if layout.parts is not None and context.volume is not None:
+        hours = print_hours(context.device.fabrication, context.volume, layout.parts)
+    return LayoutRow(
+        name=layout.name,
+        role=_role(layout),
+        is_drawn=is_drawn,
+        error=_finite(layout.error),
+        trained=_finite(trained[0]),
+        trained_low=_finite(trained[1]),
+        trained_high=_finite(trained[2]),
+        parts=layout.parts,
+        print_hours=hours,
+        length=_length(context.judge, layout.sensors),
+        planes=layout.planes,
+        cords=ghost_cords(layout.sensors),
+        notes=list(layout.warnings),
+        problem=layout.problem or "",
+    )
+
+
+def _role(layout: ComparedLayout) -> Role:
+    if layout.is_built:
+        return "built"
+    if layout.is_studied:
+        return "studied"
+    if layout.name == DRAWN:
+        return "drawn"
+    return "by-eye" if layout.name == VISUAL else "candidate"
+
+
+def _length(judge: LayoutJudge | None, sensors: Sequence[Sensor]) -> float | None:
+    """Return the length of cords with their inlets, mm."""
+    if judge is None or not sensors:
+        return None
+    return sum(
+        cord.length + sum(x for x in cord.inlets if x < _MAX_INLET_MM)
+        for cord in judge.check(sensors).cords
+    )
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def body_volume(build: Build) -> float | None:
+    """Return the volume of a build's body, mm^3; None without one."""
+    try:
+        return float(build.surface.volume)
+    except (DefsenseError, OSError):
+        return None

@@ -1,0 +1,97 @@
+"""What is true of the drawn and of the optimized cords, in one sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...messages.optimize import OptimizeState
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What the sentence follows from.
+
+    Attributes:
+        noun: What one sensor is called.
+        has_poses: Whether the device has poses.
+        has_cords: Whether cords are drawn or will be proposed.
+        is_simulated: Whether the simulated poses are those of the device.
+        is_searching: Whether a search runs.
+        best: Error of the best cords of the search that runs, mm; None before they are found.
+        drawn: Error of the drawn cords, mm; None if it cannot be predicted.
+        built: Error of the optimized cords, mm; None before a search.
+        is_built_drawn: Whether the drawn cords are the optimized ones.
+        is_current: Whether nothing has changed since the search.
+    """
+
+    noun: str
+    has_poses: bool
+    has_cords: bool
+    is_simulated: bool
+    is_searching: bool
+    best: float | None
+    drawn: float | None
+    built: float | None
+    is_built_drawn: bool
+    is_current: bool
+
+
+def optimize_state(facts: Facts) -> OptimizeState:
+    """Return what is true of the cords, and whether a search can start."""
+    standing, text = _standing(facts)
+    return OptimizeState(
+        standing=standing,  # type: ignore[arg-type]  # one of the names below
+        text=text,
+        obstacle=_obstacle(facts),
+        drawn=facts.drawn,
+        built=facts.built,
+    )
+
+
+def _obstacle(f: Facts) -> str:
+    if f.is_searching:
+        return "A search is running"
+    if not f.has_poses:
+        return "Add a pose first"
+    if not f.has_cords:
+        return f"Add a {f.noun} first"
+    if f.is_current and f.built is not None:
+        return "Nothing has changed since the last search: another one would find the same"
+    return ""
+
+
+def _standing(f: Facts) -> tuple[str, str]:
+    cords, drawn = f"{f.noun}s", _mm(f.drawn)
+    if f.is_searching:
+        start = f"The search has not found {cords} within all limits yet"
+        if f.best is not None:
+            start = f"The best {cords} so far have {_mm(f.best)}"
+        return "searching", f"{start}; the drawn {cords} have {drawn}." if drawn else f"{start}."
+    if not f.has_poses:
+        return "not-ready", f"Add a pose before you optimize the {cords}."
+    if not f.has_cords:
+        return "not-ready", f"Draw or propose a {f.noun} before you optimize."
+    if f.built is None:
+        first = f"The {cords} have never been optimized."
+        if drawn:
+            return "never-searched", f"{first} As drawn, {drawn} are expected."
+        simulated = "" if f.is_simulated else " The search simulates the poses first."
+        return "never-searched", first + simulated
+    built = _mm(f.built)
+    if not f.is_simulated:
+        return "outdated", (
+            f"The body, the material or the poses have changed since the last search, which"
+            f" reached {built}. Search again."
+        )
+    if f.is_built_drawn:
+        return "optimized", f"The drawn {cords} are the optimized ones: {built} expected."
+    relation = "are still those it started from" if f.is_current else "are different"
+    error = f" and have {drawn}" if drawn else ""
+    return (
+        "drawn-differ",
+        f"The last search reached {built}. The drawn {cords} {relation}{error}.",
+    )
+
+
+def _mm(error: float | None) -> str:
+    return "" if error is None else f"{error:.2f} mm"

@@ -1,0 +1,231 @@
+"""The step Optimize: watch the search, compare layouts, and use one."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from ....core.device.device import Sensor
+from ....core.errors import DefsenseError, LayoutError, StorageError
+from ....workflow.build.results import has_layout, layout_digest
+from ....workflow.design.compare_layouts import (
+    ComparedLayout,
+    estimate_seconds,
+    tried_layouts,
+)
+from ....workflow.study.cord_count import studied_layouts
+from ....workflow.view import Arrays, Client, Request
+from ...edits.cords import take_cords
+from ...messages import optimize as messages
+from ...session.device_session import DeviceSession
+from ...session.job_strip import Work
+from ...session.step import Handler, Step
+from ...workbench.comparison_job import round_time, run_comparison
+from ...workbench.latest_worker import LatestWorker
+from .error_map import ErrorMap
+from .ghost_cords import are_same
+from .layout_rows import (
+    RowContext,
+    body_volume,
+    compared_drawn,
+    is_complete,
+    layout_rows,
+    without_outdated,
+)
+from .search_watch import SearchWatch
+from .standing import Facts, optimize_state
+
+_STAGE_INPUTS = {"body": "the body", "mesh": "the mesh", "simulate": "the poses"}
+
+
+class OptimizeStep(Step):
+    """Publishes the search, the layouts and what is true of them.
+
+    Args:
+        session: The device.
+
+    Attributes:
+        watch: The search of the current or last build.
+        layouts: The layouts of the last build and those that were compared with them.
+        state: What was published last of the drawn and of the optimized cords, or None.
+        rows: What was published last of the layouts, or None.
+    """
+
+    def __init__(self, session: DeviceSession) -> None:
+        super().__init__(session)
+        self.watch = SearchWatch(session, self._publish_state)
+        self.layouts: list[ComparedLayout] = []
+        self.state: messages.OptimizeState | None = None
+        self.rows: messages.Layouts | None = None
+        self._map = ErrorMap()
+        self._lock = threading.RLock()
+        self._digest: str | None = None  # of the layout that is compared
+        self._drawn_error: float | None = None
+        self._worker = LatestWorker[None](self._publish_layouts, session.show_error)
+        self._reader = LatestWorker[None](self._read_build, session.show_error)
+
+    @property
+    def handlers(self) -> Mapping[type[Request], Handler]:
+        return {
+            messages.ErrorMapOf: self._error_map,
+            messages.UseLayout: self._use_layout,
+            messages.UseBest: self._use_best,
+            messages.CompareLayouts: self._compare,
+        }
+
+    def on_device_changed(self) -> None:
+        self._worker.give(None)
+
+    def on_build_loaded(self) -> None:
+        if not self.session.jobs.is_running:
+            self.watch.end()
+        self._reader.give(None)
+
+    def on_freshness(self) -> None:
+        self._worker.give(None)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until all is published; return False after a time."""
+        workers = (self._reader, self.watch.worker, self._worker)
+        return all(worker.wait(timeout_s) for worker in workers)
+
+    def close(self) -> None:
+        self.watch.close()
+        self._reader.close()
+        self._worker.close()
+
+    # Requests
+
+    def _error_map(self, _: Client, request: messages.ErrorMapOf) -> Arrays:
+        return self._map.arrays(request.state)
+
+    def _use_layout(self, _: Client, request: messages.UseLayout) -> None:
+        with self._lock:
+            layout = next((x for x in self.layouts if x.name == request.name), None)
+        if layout is None or not layout.sensors:
+            raise LayoutError(
+                f"there is no layout {request.name!r} any more",
+                code="no-layout",
+                action="Choose another layout",
+            )
+        self._use(layout.sensors, f"use the layout “{request.name}”")
+
+    def _use_best(self, _: Client, __: messages.UseBest) -> None:
+        best = self.watch.record.best
+        if best is None:
+            raise LayoutError(
+                "the search has not found cords within all limits yet",
+                code="no-cords-found",
+                action="Wait until it finds some",
+            )
+        if self.watch.search.state == "running":
+            self.session.jobs.cancel()
+        self._use(best.sensors, "use the best cords of the search")
+
+    def _use(self, sensors: Sequence[Sensor], name: str) -> None:
+        self.session.apply(replace(take_cords(sensors), name=name))
+
+    def _compare(self, _: Client, __: messages.CompareLayouts) -> None:
+        obstacle = self._obstacle()
+        if obstacle:
+            raise StorageError(obstacle, code="build-outdated", action="Optimize the cords again")
+        self.session.jobs.start(
+            Work(
+                name="comparison",
+                title="Compare the layouts",
+                job=run_comparison,
+                arguments=(self.session.project.folder,),
+                on_item=self._add,
+                on_end=self._end_comparison,
+                can_pause=True,
+            )
+        )
+
+    def _add(self, layout: ComparedLayout) -> None:
+        with self._lock:
+            others = [other for other in self.layouts if other.name != layout.name]
+            self.layouts = [*others, layout]
+        self._worker.give(None)
+
+    def _end_comparison(self, _: DefsenseError | None, __: object) -> None:
+        self._worker.give(None)
+
+    # Published states, on the threads of the workers
+
+    def _read_build(self, _: None) -> None:
+        session = self.session
+        device, build = session.device, session.results
+        try:
+            current = layout_digest(build)
+            layouts = [*tried_layouts(build), *studied_layouts(device, build.folder)]
+        except (DefsenseError, OSError):
+            current, layouts = None, []
+        with self._lock:
+            if current is None or current != self._digest:
+                self._digest, self.layouts = current, layouts
+            # else another stage was built: the comparison is still valid
+        if build is not self._map.build:
+            session.server.publish(self._map.load(build))
+        self._worker.give(None)
+
+    def _publish_layouts(self, _: None) -> None:
+        session = self.session
+        context = RowContext(session.device, session.judge, body_volume(session.results))
+        with self._lock:
+            self.layouts = without_outdated(self.layouts, session.device.sensors)
+            layouts = list(self.layouts)
+        as_drawn = compared_drawn(context, layouts)
+        if as_drawn is not None:
+            layouts.insert(0, as_drawn)
+        rows = layout_rows(context, layouts)
+        self._drawn_error = next((row.error for row in rows if row.is_drawn), None)
+        self.rows = messages.Layouts(
+            rows=rows, compare_seconds=self._compare_seconds(layouts), obstacle=self._obstacle()
+        )
+        session.server.publish(self.rows)
+        self._publish_state()
+
+    def _publish_state(self) -> None:
+        session, search = self.session, self.watch.search
+        device, built, is_drawn = session.device, None, False
+        if has_layout(session.results):
+            try:
+                layout = session.results.layout
+                built = layout.prediction.unseen
+                is_drawn = are_same([c.sensor() for c in layout.sensors], device.sensors)
+            except (DefsenseError, OSError):  # a build replaces it, or it is damaged
+                built = None
+        is_searching = search.state == "running"
+        self.state = optimize_state(
+            Facts(
+                noun=device.cord.noun,
+                has_poses=bool(device.poses),
+                has_cords=bool(device.sensors) or bool(device.propose),
+                is_simulated=session.freshness.get("simulate") == "current",
+                is_searching=is_searching,
+                best=search.best,
+                drawn=search.drawn if is_searching else self._drawn_error,
+                built=built,
+                is_built_drawn=is_drawn,
+                is_current=session.freshness.get("optimize") == "current",
+            )
+        )
+        session.server.publish(self.state)
+
+    def _obstacle(self) -> str:
+        """Return why layouts cannot be compared; empty if they can."""
+        if not self.layouts:
+            return "no layouts have been searched for yet"
+        for stage, text in _STAGE_INPUTS.items():
+            if self.session.freshness.get(stage) != "current":
+                return f"{text} changed after the last search"
+        return ""
+
+    def _compare_seconds(self, layouts: Sequence[ComparedLayout]) -> int:
+        if not layouts or is_complete(layouts):
+            return 0
+        try:
+            return round_time(estimate_seconds(self.session.device, self.session.results))
+        except (DefsenseError, OSError):  # a build replaces it
+            return 0

@@ -1,0 +1,139 @@
+// What is true of the cords, the search or the chosen layout, and the error map.
+import { connection, isJobActive } from "../../state/connection";
+import { run } from "../../state/run";
+import { Button } from "../../ui/button";
+import { Icon } from "../../ui/icons";
+import { Section } from "../../ui/section";
+import { ErrorMapSection } from "./error-map-section";
+import { LayoutDetails } from "./layout-details";
+import {
+  applyBest,
+  applyLayout,
+  chosen,
+  isSearching,
+  rows,
+  search,
+  standing,
+} from "./state";
+
+export function OptimizeInspector() {
+  return (
+    <div class="optimize-inspector">
+      <Standing />
+      {chosen.value && (
+        <Section title="Layout" name="optimize.layout">
+          <LayoutDetails row={chosen.value} />
+        </Section>
+      )}
+      <Section title="Error on the surface" name="optimize.map">
+        <ErrorMapSection />
+      </Section>
+    </div>
+  );
+}
+
+const ICONS = {
+  "not-ready": "info",
+  "never-searched": "info",
+  searching: "optimize",
+  optimized: "check",
+  "drawn-differ": "info",
+  outdated: "warning",
+} as const;
+
+function Standing() {
+  const state = standing.value;
+  if (!state) return null;
+  return (
+    <div class={`search-standing ${state.standing}`}>
+      <p role="status">
+        <Icon name={ICONS[state.standing]} />
+        <span>{state.text}</span>
+      </p>
+      {isSearching.value ? <SearchNumbers /> : <Numbers drawn={state.drawn} built={state.built} />}
+      <Actions />
+    </div>
+  );
+}
+
+function Numbers({ drawn, built }: { drawn: number | null; built: number | null }) {
+  if (drawn === null && built === null) return null;
+  return (
+    <dl class="standing-numbers">
+      <Number label="Drawn" error={drawn} tone="drawn" />
+      <Number label="Optimized" error={built} tone="built" />
+    </dl>
+  );
+}
+
+function SearchNumbers() {
+  const { best = null, drawn = null } = search.value ?? {};
+  return (
+    <dl class="standing-numbers">
+      <Number label="Drawn" error={drawn} tone="drawn" />
+      <Number label="Best so far" error={best} tone="best" />
+    </dl>
+  );
+}
+
+function Number({ label, error, tone }: { label: string; error: number | null; tone: string }) {
+  return (
+    <div>
+      <dt>
+        <i class={`chart-mark ${tone}`} aria-hidden="true" />
+        {label}
+      </dt>
+      <dd>{error === null ? "–" : `${error.toFixed(2)} mm`}</dd>
+    </div>
+  );
+}
+
+/** One primary button: use what was found, or search. */
+function Actions() {
+  const { obstacle = "", standing: code } = standing.value ?? {};
+  const built = rows.value.find((row) => row.role === "built");
+  const canUseBuilt = code === "drawn-differ" && built !== undefined && !built.isDrawn;
+  const hasBest = search.value?.state !== "none" && Boolean(search.value?.best);
+  if (isSearching.value) {
+    return (
+      <Button
+        variant="primary"
+        disabled={!hasBest}
+        hint={hasBest ? "End the search and draw its best cords" : "No cords within all limits yet"}
+        onClick={() => void applyBest()}
+      >
+        Use the best so far
+      </Button>
+    );
+  }
+  return (
+    <div class="actions">
+      {canUseBuilt && (
+        <Button
+          variant={chosen.value ? "plain" : "primary"}
+          hint="Draw the optimized cords; Undo restores the drawn ones"
+          onClick={() => void applyLayout(built.name)}
+        >
+          Use the optimized cords
+        </Button>
+      )}
+      <Button
+        variant={canUseBuilt || code === "optimized" || chosen.value ? "plain" : "primary"}
+        disabled={Boolean(obstacle) || isJobActive.value}
+        hint={
+          isJobActive.value
+            ? "Wait until the running job has ended"
+            : obstacle || "Move the cords that are not locked to reduce the error"
+        }
+        onClick={() => void run(connection.send("start-build", { stage: "optimize" }))}
+      >
+        {code === "never-searched" || code === "not-ready" ? "Search" : "Search again"}
+      </Button>
+      {hasBest && code !== "optimized" && !canUseBuilt && (
+        <Button hint="Draw the best cords of the search that has ended" onClick={() => void applyBest()}>
+          Use the best so far
+        </Button>
+      )}
+    </div>
+  );
+}

@@ -1,0 +1,56 @@
+import type { LayoutRow } from "../../protocol/messages";
+import { Button } from "../../ui/button";
+import { Icon } from "../../ui/icons";
+import { applyLayout, layoutLabel, mm } from "./state";
+
+/** The numbers and the notes of a layout, and the button that uses it. */
+export function LayoutDetails({ row }: { row: LayoutRow }) {
+  const { trained, trainedLow, trainedHigh, printHours, length, problem, notes } = row;
+  const range = trainedLow === null ? "" : ` (90 %: ${mm(trainedLow)} to ${mm(trainedHigh)})`;
+  const facts: [string, string][] = [
+    ["Expected error", `${mm(row.error)} mm`],
+    ["After training", trained === null ? "not computed" : `${mm(trained)} mm${range}`],
+    ["Parts", row.parts === null ? "not computed" : String(row.parts)],
+    ["Print time", printHours === null ? "no estimate" : `about ${printHours.toFixed(0)} h`],
+    ["Cords", `${row.cords.length}, ${length === null ? "?" : length.toFixed(0)} mm in all`],
+    ["Planes", String(row.planes)],
+  ];
+  return (
+    <div class="layout-details">
+      <h4>{layoutLabel(row)}</h4>
+      <dl class="fact-list">
+        {facts.map(([term, value]) => (
+          <div key={term}>
+            <dt>{term}</dt>
+            <dd>{value}</dd>
+          </div>
+        ))}
+      </dl>
+      {problem && (
+        <p class="note danger">
+          <Icon name="error" /> {problem}
+        </p>
+      )}
+      <Button
+        variant="primary"
+        disabled={row.isDrawn}
+        hint={row.isDrawn ? "These are the drawn cords" : "Draw these cords; Undo restores the drawn ones"}
+        onClick={() => void applyLayout(row.name)}
+      >
+        Use this
+      </Button>
+      {notes.length > 0 && (
+        <details class="layout-notes" open={notes.length <= 2}>
+          <summary>
+            {notes.length === 1 ? "1 warning" : `${notes.length} warnings`} about the parts
+          </summary>
+          <ul>
+            {notes.map((note) => (
+              <li key={note}>{note}</li>
+            ))}
+          </ul>
+        </details>
+      )}
+    </div>
+  );
+}

@@ -1,0 +1,74 @@
+import type { LayoutRow } from "../../protocol/messages";
+import { Button } from "../../ui/button";
+import { Table } from "../../ui/table";
+import { applyLayout, choose, chosenName, layoutLabel, layoutName, mm, rows } from "./state";
+
+/** All layouts side by side, with the same numbers for each. */
+export function LayoutTable() {
+  return (
+    <Table
+      caption="Layouts; errors in mm"
+      columns={[
+        { title: "Layout", cell: name },
+        { title: "Error", cell: ({ error }) => mm(error), isNumber: true },
+        { title: "Trained (90 %)", cell: trained, isNumber: true },
+        { title: "Parts", cell: parts, isNumber: true },
+        { title: "Print", cell: ({ printHours }) => unit(printHours, 0, "h"), isNumber: true },
+        { title: "Cord", cell: ({ length }) => unit(length && length / 10, 0, "cm"), isNumber: true },
+        { title: "Planes", cell: ({ planes }) => planes, isNumber: true },
+        { title: "", cell: use },
+      ]}
+      rows={rows.value}
+      rowKey={(row) => row.name}
+      onChoose={(row) => choose(row.name)}
+      isChosen={(row) => row.name === chosenName.value}
+    />
+  );
+}
+
+function name(row: LayoutRow) {
+  return (
+    <span class="layout-name">
+      <i class={`chart-mark ${dotTone(row)}`} aria-hidden="true" />
+      {layoutName(row)}
+    </span>
+  );
+}
+
+function trained({ trained: middle, trainedLow: low, trainedHigh: high }: LayoutRow) {
+  if (low === null || high === null) return mm(middle);
+  return (
+    <>
+      {mm(middle)} <span class="range-text">({mm(low)}–{mm(high)})</span>
+    </>
+  );
+}
+
+function unit(value: number | null, digits: number, name: string): string {
+  return value === null ? "?" : `${value.toFixed(digits)} ${name}`;
+}
+
+function parts({ parts: count, problem }: LayoutRow) {
+  return problem ? <span class="cannot-make" data-tooltip={problem}>cannot be made</span> : (count ?? "?");
+}
+
+function use(row: LayoutRow) {
+  if (row.isDrawn) return <span class="muted">in use</span>;
+  return (
+    <Button
+      variant="quiet"
+      aria-label={`Use ${layoutLabel(row)}`}
+      onClick={(event) => {
+        event.stopPropagation();
+        void applyLayout(row.name);
+      }}
+    >
+      Use
+    </Button>
+  );
+}
+
+export function dotTone({ role, isDrawn }: LayoutRow): "drawn" | "built" | "other" {
+  if (role === "built") return "built";
+  return isDrawn || role === "drawn" ? "drawn" : "other";
+}

@@ -1,0 +1,80 @@
+// What this browser shows of the search and of the layouts.
+import { computed, effect, signal } from "@preact/signals";
+import type { LayoutRow } from "../../protocol/messages";
+import { connection, job } from "../../state/connection";
+import { run } from "../../state/run";
+
+export const standing = connection.event("optimize-state");
+export const search = connection.event("search");
+export const layouts = connection.event("layouts");
+export const errorStates = connection.event("error-states");
+
+export const rows = computed<readonly LayoutRow[]>(() => layouts.value?.rows ?? []);
+export const isSearching = computed(() => search.value?.state === "running");
+export const isComparing = computed(
+  () => job.value?.name === "comparison" && job.value.state !== "idle",
+);
+
+/** Name of the layout that is chosen, and of the one under the pointer. */
+export const chosenName = signal<string | null>(null);
+export const hoveredName = signal<string | null>(null);
+
+export const chosen = computed(() => find(chosenName.value));
+export const shownLayout = computed(() => find(hoveredName.value) ?? chosen.value);
+
+function find(name: string | null): LayoutRow | null {
+  return rows.value.find((row) => row.name === name) ?? null;
+}
+
+export function choose(name: string): void {
+  chosenName.value = chosenName.value === name ? null : name;
+}
+
+/** What the panel below the scene shows. */
+export const view = signal<"search" | "layouts">("layouts");
+
+// A search that starts is shown; its layouts are once it has ended.
+let wasSearching = false;
+effect(() => {
+  const isRunning = isSearching.value;
+  if (isRunning !== wasSearching) view.value = isRunning ? "search" : "layouts";
+  wasSearching = isRunning;
+});
+
+export type Cost = "parts" | "hours" | "cords";
+export const cost = signal<Cost>("parts");
+
+export const COSTS: Record<Cost, { label: string; title: string; of: (row: LayoutRow) => number | null }> = {
+  parts: { label: "Parts", title: "Number of parts", of: (row) => row.parts },
+  hours: { label: "Print time", title: "Print time, h (estimate)", of: (row) => row.printHours },
+  cords: { label: "Cords", title: "Number of cords", of: (row) => row.cords.length },
+};
+
+/** State whose error is shown on the surface, and whether the surface is deformed. */
+export const mappedState = signal("");
+export const isMapDeformed = signal(true);
+
+export function layoutName({ name, role }: LayoutRow): string {
+  if (role === "drawn") return "Drawn";
+  return role === "built" ? "Built" : `${name[0]!.toUpperCase()}${name.slice(1)}`;
+}
+
+/** Name of a layout, and whether it is drawn. */
+export function layoutLabel(row: LayoutRow): string {
+  return row.isDrawn && row.role !== "drawn" ? `${layoutName(row)} (drawn)` : layoutName(row);
+}
+
+export async function applyLayout(name: string): Promise<void> {
+  await run(connection.send("use-layout", { name }));
+}
+
+export async function applyBest(): Promise<void> {
+  await run(connection.send("use-best", {}));
+}
+
+export async function compareLayouts(): Promise<void> {
+  view.value = "layouts";
+  await run(connection.send("compare-layouts", {}));
+}
+
+export const mm = (value: number | null): string => (value === null ? "?" : value.toFixed(2));

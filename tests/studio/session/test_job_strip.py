@@ -1,0 +1,40 @@
+"""One job runs at a time; a job that gives way ends when another one starts."""
+
+import time
+
+import pytest
+
+from defsense_fab.core.errors import DefsenseError
+from defsense_fab.studio.session.job_strip import JobStrip, Work
+from defsense_fab.studio.workbench.background_job import CANCELLED
+from tests.support.errors import raises
+
+TIMEOUT_S = 60.0
+
+
+@pytest.fixture
+def strip():
+    strip = JobStrip(lambda event: None)
+    yield strip
+    strip.close()
+
+
+def test_a_job_that_gives_way_is_canceled_by_the_next_one(strip):
+    ends = []
+    quiet = Work(
+        name="body", title="Make the body", job=sleep, arguments=(TIMEOUT_S,),
+        on_end=lambda error, _: ends.append(error.code), gives_way=True,
+    )  # fmt: skip
+    strip.start(quiet)
+    strip.check_idle()
+    strip.start(Work(name="build", title="Build", job=sleep, arguments=(TIMEOUT_S,)))
+    assert ends == [CANCELLED]
+    assert strip.job.name == "build"
+    with raises(DefsenseError, "job-running"):
+        strip.check_idle()
+    with raises(DefsenseError, "job-running"):
+        strip.start(quiet)
+
+
+def sleep(_, seconds):
+    time.sleep(seconds)
