@@ -5,8 +5,8 @@ import time
 import pytest
 
 from defsense_fab.core.errors import DefsenseError
-from defsense_fab.studio.session.job_strip import JobStrip, Work
 from defsense_fab.studio.background.background_job import CANCELLED
+from defsense_fab.studio.session.job_strip import JobStrip, Work
 from tests.support.errors import raises
 
 TIMEOUT_S = 60.0

@@ -7,6 +7,7 @@ import pytest
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import BodyError, DefsenseError, DeviceError, MeshingError
+from defsense_fab.studio.background.background_job import CANCELLED
 from defsense_fab.studio.messages.body import (
     BodyParameters,
     BodyStatus,
@@ -15,7 +16,6 @@ from defsense_fab.studio.messages.body import (
 )
 from defsense_fab.studio.messages.shell import Question
 from defsense_fab.studio.session.job_strip import JobStrip
-from defsense_fab.studio.background.background_job import CANCELLED
 from defsense_fab.workflow.build.results import Build
 from defsense_fab.workflow.view import Problem
 from tests.conftest import box_surface

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from defsense_fab.studio.inside import next_cord_search
 
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.errors import DefsenseError, LayoutError
@@ -12,7 +13,6 @@ from defsense_fab.geometry.bodies.meshing.tetrahedra import tetrahedralize
 from defsense_fab.mechanics.elements.point_location import PointLocator
 from defsense_fab.mechanics.elements.tet10 import QuadraticMesh
 from defsense_fab.studio.edits.cords import remove_cord
-from defsense_fab.studio.inside import next_cord_search
 from defsense_fab.studio.messages import inside as messages
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.project.project import Project
