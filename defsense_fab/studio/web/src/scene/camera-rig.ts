@@ -88,11 +88,14 @@ export class CameraRig {
     return this.leftView !== null;
   }
 
+  /** Follow the size of the scene; what is shown keeps its size on the screen. */
   resize(width: number, height: number): void {
-    const { height: visible } = this.view();
+    const view = this.view();
+    const isFirst = this.width === 1 && this.height === 1;
+    const scale = isFirst ? 1 : height / this.height;
     this.width = width;
     this.height = height;
-    this.show({ ...this.view(), height: visible });
+    this.show({ ...view, height: view.height * scale });
   }
 
   /** Set what Fit shows: a box in the rest frame, mm. */
