@@ -35,6 +35,7 @@ def page(browser, live_bar, tmp_path):
     page.folder = folder
     page.goto(f"http://127.0.0.1:{port}/")
     page.get_by_role("button", name="Inside").click()
+    page.get_by_role("button", name="Not now").click()
     page.get_by_role("figure", name="Colors: Largest principal strain").wait_for()
     yield page
     context.close()
@@ -61,7 +62,9 @@ def test_the_plane_is_moved_by_keys_and_numbers(page):
 
 def test_the_plane_is_dragged_by_its_arrow(page):
     handle = page.get_by_role("button", name="Move the plane along its normal")
-    box = handle.bounding_box()
+    box = None
+    while box != (box := handle.bounding_box()):  # until the view is at rest
+        page.wait_for_timeout(1000)
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
     page.mouse.down()
