@@ -8,6 +8,10 @@
 export interface Protocol {
   request:
     | AddNextCord
+    | AddPose
+    | AddProposed
+    | AddPull
+    | AddRegion
     | AddStraight
     | AddStroke
     | Answer
@@ -16,28 +20,38 @@ export interface Protocol {
     | CloseDevice
     | CompareCords
     | CompareLayouts
+    | ConvertRegion
     | CreateFromBody
     | CreateFromGallery
     | DeleteCords
     | DeletePoint
+    | DeletePoses
+    | DeletePull
+    | DeleteRegions
     | DescribeUpload
     | DragPlane
     | DragPoint
     | DragTangent
     | DuplicateCord
+    | DuplicatePose
+    | DuplicateRegion
     | ErrorMapOf
     | EvaluateModel
     | ExportDevice
+    | FitRegion
     | FitResponse
+    | FollowRamp
     | ForgetDevice
     | GetShape
     | GetSkin
+    | HidePose
     | InsertPoint
     | KeepPicture
     | MakeBody
     | MakeTags
     | MeasureSpecimen
     | MirrorCord
+    | MoveGrip
     | OpenDevice
     | OutlineOf
     | PartMeshes
@@ -46,12 +60,15 @@ export interface Protocol {
     | ProbePoint
     | ProcessSessions
     | Propose
+    | ProposePoses
     | RecordAnimation
     | RecordTwin
     | Redo
     | RefreshChoices
     | RenameCord
     | RenameDevice
+    | RenamePose
+    | RenameRegion
     | ResetField
     | ResetParameter
     | Restore
@@ -59,7 +76,18 @@ export interface Protocol {
     | SearchNextCord
     | SetField
     | SetFreedoms
+    | SetGravity
     | SetParameter
+    | SetPivot
+    | SetPressure
+    | SetPull
+    | SetRegion
+    | SetRole
+    | SetShift
+    | SetSymmetry
+    | SetTurn
+    | ShiftRegion
+    | ShowPose
     | ShowSection
     | SimulateSpecimens
     | SmoothCord
@@ -67,10 +95,12 @@ export interface Protocol {
     | StartCheck
     | StartLive
     | StartRecording
+    | StateShape
     | StopBody
     | StopGuided
     | StopLive
     | StopNextCord
+    | StopSolving
     | TakeRest
     | TickStage
     | TrainModel
@@ -109,12 +139,17 @@ export interface Protocol {
     | Page
     | Parts
     | Pipeline
+    | PosePictures
+    | PoseShape
+    | PosesState
     | Prediction
     | ProposalProgress
+    | ProposedPoses
     | Question
     | RecentDevices
     | Reply
-    | Search;
+    | Search
+    | SimulatedStates;
   results: Results;
 }
 /**
@@ -127,6 +162,50 @@ export interface AddNextCord {
   kind: "add-next-cord";
   id: number;
   at: number[] | null;
+}
+/**
+ * Add a pose that holds one region and turns another.
+ */
+export interface AddPose {
+  kind: "add-pose";
+  id: number;
+}
+/**
+ * Add proposed poses.
+ *
+ *     Attributes:
+ *         poses: Their names.
+ *         has_states: Whether their mixed states are added as well.
+ */
+export interface AddProposed {
+  kind: "add-proposed";
+  id: number;
+  poses: string[];
+  hasStates: boolean;
+}
+/**
+ * Pull at a point of the surface.
+ *
+ *     Attributes:
+ *         at: The point (3,) at rest, mm.
+ *         normal: Direction (3,) of the pull.
+ */
+export interface AddPull {
+  kind: "add-pull";
+  id: number;
+  pose: string;
+  at: number[];
+  normal: number[];
+}
+/**
+ * Add a region at the middle of the body, or with given points and radius, mm.
+ */
+export interface AddRegion {
+  kind: "add-region";
+  id: number;
+  shape: "box" | "cylinder" | "half-space" | "sphere";
+  points: number[][] | null;
+  radius: number;
 }
 /**
  * Add a straight cord along the middle of the body.
@@ -200,6 +279,14 @@ export interface CompareLayouts {
   id: number;
 }
 /**
+ * Replace a region by a box about its surface points.
+ */
+export interface ConvertRegion {
+  kind: "convert-region";
+  id: number;
+  region: string;
+}
+/**
  * Create a device from the uploaded body, and open it.
  *
  *     Attributes:
@@ -247,6 +334,31 @@ export interface DeletePoint {
   id: number;
   cord: string;
   index: number;
+}
+/**
+ * Delete poses, and the mixed states that contain them.
+ */
+export interface DeletePoses {
+  kind: "delete-poses";
+  id: number;
+  poses: string[];
+}
+/**
+ * Delete a pull.
+ */
+export interface DeletePull {
+  kind: "delete-pull";
+  id: number;
+  pose: string;
+  index: number;
+}
+/**
+ * Delete regions that no pose uses.
+ */
+export interface DeleteRegions {
+  kind: "delete-regions";
+  id: number;
+  regions: string[];
 }
 /**
  * Interpret the uploaded body in a unit, or scale it to a size.
@@ -315,6 +427,22 @@ export interface DuplicateCord {
   cord: string;
 }
 /**
+ * Add a copy of a pose.
+ */
+export interface DuplicatePose {
+  kind: "duplicate-pose";
+  id: number;
+  pose: string;
+}
+/**
+ * Add a copy of a region, a little beside it.
+ */
+export interface DuplicateRegion {
+  kind: "duplicate-region";
+  id: number;
+  region: string;
+}
+/**
  * Compute the error on the surface in a state.
  *
  *     It is answered with the arrays `rest` (v, 3) mm, `moved` (v, 3) mm, `faces` (f, 3), `edges`
@@ -345,11 +473,37 @@ export interface ExportDevice {
   id: number;
 }
 /**
+ * Fit a box about surface points.
+ *
+ *     Attributes:
+ *         region: The region that it replaces; empty for a new one.
+ *         low: Smallest coordinates (3,) of the points, mm.
+ *         high: Largest coordinates (3,), mm.
+ */
+export interface FitRegion {
+  kind: "fit-region";
+  id: number;
+  region: string;
+  low: number[];
+  high: number[];
+}
+/**
  * Fit the cord's response to the specimens; to simulated ones only without measured ones.
  */
 export interface FitResponse {
   kind: "fit-response";
   id: number;
+}
+/**
+ * Solve a pose from rest along its ramp; answered by the arrays "pose-ramp".
+ *
+ *     Its frames (f, v, 3) mm are displacements at equal shares from rest to the fact `end`. The fact
+ *     `remark` is what there is to say; `isSimulated` is whether a build simulated them.
+ */
+export interface FollowRamp {
+  kind: "follow-ramp";
+  id: number;
+  pose: string;
 }
 /**
  * Remove a device from the list; its folder is kept.
@@ -381,6 +535,13 @@ export interface GetShape {
  */
 export interface GetSkin {
   kind: "get-skin";
+  id: number;
+}
+/**
+ * Stop to follow the pose that this browser shows.
+ */
+export interface HidePose {
+  kind: "hide-pose";
   id: number;
 }
 /**
@@ -439,6 +600,26 @@ export interface MirrorCord {
   id: number;
   cord: string;
   axis: "x" | "y" | "z";
+}
+/**
+ * Move a region or a pulled point of the shown pose, and solve the pose.
+ *
+ *     Attributes:
+ *         region: The moved region; empty for a pull.
+ *         pull: Index of the pull; -1 for a region.
+ *         position: Position (3,) of the region's center or of the pull's goal, mm.
+ *         rotation: Rotation vector (3,) of the region, rad.
+ *         write: Whether the drag has ended, and the pose is written.
+ */
+export interface MoveGrip {
+  kind: "move-grip";
+  id: number;
+  pose: string;
+  region: string;
+  pull: number;
+  position: number[];
+  rotation: number[];
+  write: boolean;
 }
 /**
  * Open a device of the list, or that of the command line, in all browsers.
@@ -521,6 +702,14 @@ export interface Propose {
   id: number;
 }
 /**
+ * Search in the background for poses of the body that a region holds.
+ */
+export interface ProposePoses {
+  kind: "propose-poses";
+  id: number;
+  held: string;
+}
+/**
  * Start to record an animation, or stop and write it.
  */
 export interface RecordAnimation {
@@ -574,6 +763,24 @@ export interface RenameCord {
 export interface RenameDevice {
   kind: "rename-device";
   id: number;
+  name: string;
+}
+/**
+ * Rename a pose, also in mixed states.
+ */
+export interface RenamePose {
+  kind: "rename-pose";
+  id: number;
+  pose: string;
+  name: string;
+}
+/**
+ * Rename a region, also in poses.
+ */
+export interface RenameRegion {
+  kind: "rename-region";
+  id: number;
+  region: string;
   name: string;
 }
 /**
@@ -644,6 +851,15 @@ export interface SetFreedoms {
   free: ("ends" | "offset" | "path" | "plane")[];
 }
 /**
+ * Set gravity (3,) in multiples of standard gravity; zero removes it.
+ */
+export interface SetGravity {
+  kind: "set-gravity";
+  id: number;
+  pose: string;
+  gravity: number[];
+}
+/**
  * Set a parameter of the body's script; the body follows.
  */
 export interface SetParameter {
@@ -651,6 +867,117 @@ export interface SetParameter {
   id: number;
   name: string;
   value: number | boolean | string;
+}
+/**
+ * Set the point (3,) mm about which a region turns; None for its center.
+ */
+export interface SetPivot {
+  kind: "set-pivot";
+  id: number;
+  pose: string;
+  region: string;
+  about: number[] | null;
+}
+/**
+ * Set the pressure in a region, MPa; None removes it.
+ */
+export interface SetPressure {
+  kind: "set-pressure";
+  id: number;
+  pose: string;
+  region: string;
+  value: number | null;
+}
+/**
+ * Change a pull; as `PullState`.
+ */
+export interface SetPull {
+  kind: "set-pull";
+  id: number;
+  pose: string;
+  index: number;
+  at: number[];
+  by: number[];
+  stiffness: number;
+}
+/**
+ * Set the shape of a region; as `RegionState`.
+ */
+export interface SetRegion {
+  kind: "set-region";
+  id: number;
+  region: string;
+  shape: "box" | "cylinder" | "half-space" | "sphere";
+  points: number[][];
+  radius: number;
+}
+/**
+ * Set what a pose does with a region.
+ *
+ *     Attributes:
+ *         center: Center (3,) of the region as shown, mm, where a region that is moved stays; None
+ *             for its place at rest.
+ */
+export interface SetRole {
+  kind: "set-role";
+  id: number;
+  pose: string;
+  region: string;
+  role: "free" | "held" | "moved" | "turned";
+  center: number[] | null;
+}
+/**
+ * Set the translation (3,) mm of a region; None is free.
+ */
+export interface SetShift {
+  kind: "set-shift";
+  id: number;
+  pose: string;
+  region: string;
+  shift: (number | null)[];
+}
+/**
+ * Keep a region in a plane with a normal (3,); None releases it.
+ */
+export interface SetSymmetry {
+  kind: "set-symmetry";
+  id: number;
+  pose: string;
+  region: string;
+  normal: number[] | null;
+}
+/**
+ * Set how a pose turns a region.
+ */
+export interface SetTurn {
+  kind: "set-turn";
+  id: number;
+  pose: string;
+  region: string;
+  turn: "angle" | "free" | "hinge";
+  axis: number[];
+  degrees: number;
+}
+/**
+ * Move a region by (3,) mm.
+ */
+export interface ShiftRegion {
+  kind: "shift-region";
+  id: number;
+  region: string;
+  by: number[];
+}
+/**
+ * Solve a pose for this browser, and follow its changes until another pose is shown.
+ *
+ *     Attributes:
+ *         share: Share of the pose's ramp.
+ */
+export interface ShowPose {
+  kind: "show-pose";
+  id: number;
+  pose: string;
+  share: number;
 }
 /**
  * Cut the body with a plane.
@@ -763,6 +1090,14 @@ export interface StartRecording {
   seconds: number;
 }
 /**
+ * Read a simulated state; answered by the arrays "state-shape" with displacements (v, 3) mm.
+ */
+export interface StateShape {
+  kind: "state-shape";
+  id: number;
+  state: string;
+}
+/**
  * Stop making the body, and keep the previous one.
  */
 export interface StopBody {
@@ -793,6 +1128,13 @@ export interface StopNextCord {
   kind: "stop-next-cord";
   id: number;
   keepsMap: boolean;
+}
+/**
+ * Cancel the solver and keep the last shape.
+ */
+export interface StopSolving {
+  kind: "stop-solving";
+  id: number;
 }
 /**
  * Take the present readings as those of the device at rest.
@@ -2089,6 +2431,156 @@ export interface NextAction {
   stage: ("mesh" | "optimize" | "report" | "simulate") | null;
 }
 /**
+ * Whether shapes for small pictures of poses are being computed.
+ */
+export interface PosePictures {
+  kind: "pose-pictures";
+  isComputing: boolean;
+}
+/**
+ * The shape that one browser shows; its arrays "pose-shape" were sent before.
+ *
+ *     Attributes:
+ *         pose: Name of the pose.
+ *         phase: "coarse" while the fine shape follows; "checked" as a build simulates it.
+ *         share: Share of the pose's ramp that was requested.
+ *         text: What is wrong; empty for nothing. Then the last shape stays.
+ *         centers: Centers (3,) mm of moved regions, by region; none for coarse shapes.
+ */
+export interface PoseShape {
+  kind: "pose-shape";
+  pose: string;
+  phase: "canceled" | "checked" | "coarse" | "failed" | "invalid" | "not-reached" | "solved" | "solving";
+  share: number;
+  text: string;
+  centers: {
+    [k: string]: number[];
+  };
+}
+/**
+ * The regions and poses of the device.
+ *
+ *     Attributes:
+ *         mesh: Whether the body has a mesh, and whether it belongs to the present body.
+ *         size: Largest extent of the body, mm.
+ *         regions: The regions.
+ *         poses: The poses.
+ */
+export interface PosesState {
+  kind: "poses-state";
+  mesh: "current" | "missing" | "old";
+  size: number;
+  regions: RegionState[];
+  poses: PoseState[];
+}
+/**
+ * A region of the device.
+ *
+ *     Attributes:
+ *         name: Name of the region.
+ *         color: Its color, "#rrggbb".
+ *         shape: Kind of the shape.
+ *         points: Corners of a box, center of a sphere, origin and normal of a half space, or start
+ *             and end of a cylinder, each (3,), mm.
+ *         radius: Radius of a sphere or cylinder, mm; 0 otherwise.
+ *         center: Middle (3,) of its surface points, mm.
+ *         count: Number of surface points; 0 while the body has no mesh.
+ *         problems: What is wrong with it.
+ *         poses: Names of the poses that use it.
+ */
+export interface RegionState {
+  name: string;
+  color: string;
+  shape: "box" | "cylinder" | "half-space" | "sphere";
+  points: number[][];
+  radius: number;
+  center: number[];
+  count: number;
+  problems: string[];
+  poses: string[];
+}
+/**
+ * A pose of the device.
+ *
+ *     Attributes:
+ *         name: Name of the pose.
+ *         roles: What it does with each region, in the order of the regions.
+ *         handles: Regions that it moves.
+ *         pulls: Points that it pulls.
+ *         pressures: Pressures.
+ *         symmetry: Regions that stay in their plane.
+ *         gravity: Gravity (3,), in multiples of standard gravity.
+ *         picture: Digest of everything that its shape follows from.
+ *         warning: What is wrong with it, or None.
+ */
+export interface PoseState {
+  name: string;
+  roles: ("free" | "held" | "moved" | "turned")[];
+  handles: HandleState[];
+  pulls: PullState[];
+  pressures: PressureState[];
+  symmetry: SymmetryState[];
+  gravity: number[];
+  picture: string;
+  warning: PoseWarning | null;
+}
+/**
+ * A region that a pose moves.
+ *
+ *     Attributes:
+ *         region: Name of the region.
+ *         turn: How it turns.
+ *         axis: Unit axis (3,) of the rotation.
+ *         degrees: The angle; 0 where it is free.
+ *         shift: Translation (3,) mm; None in free components.
+ *         about: Pivot (3,) mm; None for the region's center.
+ *         center: Point (3,) at rest about which it turns, mm.
+ */
+export interface HandleState {
+  region: string;
+  turn: "angle" | "free" | "hinge";
+  axis: number[];
+  degrees: number;
+  shift: (number | null)[];
+  about: number[] | null;
+  center: number[];
+}
+/**
+ * A spring that pulls at a point (3,) mm by (3,) mm, with its stiffness, N/mm.
+ */
+export interface PullState {
+  at: number[];
+  by: number[];
+  stiffness: number;
+}
+/**
+ * A pressure in a region, MPa; positive pushes inward.
+ */
+export interface PressureState {
+  region: string;
+  value: number;
+}
+/**
+ * A region whose points stay in a plane with a normal (3,).
+ */
+export interface SymmetryState {
+  region: string;
+  normal: number[];
+}
+/**
+ * What is wrong with a pose as it was solved last.
+ *
+ *     Attributes:
+ *         code: Stable identifier, such as "pose-not-reached".
+ *         text: What is wrong and what to do.
+ *         share: Share of the ramp that was reached.
+ */
+export interface PoseWarning {
+  code: string;
+  text: string;
+  share: number;
+}
+/**
  * What is expected of the drawn cords and of those that were built.
  *
  *     Attributes:
@@ -2183,6 +2675,31 @@ export interface Violation {
 export interface ProposalProgress {
   kind: "proposal-progress";
   share: number | null;
+}
+/**
+ * Poses of the last search; none before a search, or for another mesh.
+ *
+ *     Attributes:
+ *         held: Region that holds the body; empty before a search.
+ *         poses: The poses.
+ *         notes: Poses that were weakened or left out, and why.
+ */
+export interface ProposedPoses {
+  kind: "proposed-poses";
+  held: string;
+  poses: ProposedPose[];
+  notes: string[];
+}
+/**
+ * A pose that follows a vibration mode.
+ *
+ *     Attributes:
+ *         name: Name that it is proposed with.
+ *         frequency: Frequency of the mode, Hz.
+ */
+export interface ProposedPose {
+  name: string;
+  frequency: number;
 }
 /**
  * The question whether the body's script may run.
@@ -2295,8 +2812,68 @@ export interface SearchedPose {
   drawn: number | null;
   best: number | null;
 }
+/**
+ * The states of the last simulation.
+ *
+ *     Attributes:
+ *         is_current: Whether they belong to the present body and poses.
+ *         levels: Shares of each pose that are simulated.
+ *         states: The states; none before the simulation.
+ *         forces: Forces of each pose; none until they are known.
+ *         warnings: Warnings of the simulation.
+ */
+export interface SimulatedStates {
+  kind: "simulated-states";
+  isCurrent: boolean;
+  levels: number[];
+  states: SimulatedState[];
+  forces: PoseForces[];
+  warnings: string[];
+}
+/**
+ * A state of the last simulation.
+ *
+ *     Attributes:
+ *         name: Name of the state, such as "bend@0.5".
+ *         weights: Amplitude of each pose.
+ *         is_held_out: Whether it is held out of the design.
+ *         problem: What the solver reports, unless it succeeded; empty if it did.
+ */
+export interface SimulatedState {
+  name: string;
+  weights: {
+    [k: string]: number;
+  };
+  isHeldOut: boolean;
+  problem: string;
+}
+/**
+ * The forces that hold the device in a pose, at its largest state.
+ */
+export interface PoseForces {
+  pose: string;
+  state: string;
+  held: HeldForce[];
+}
+/**
+ * The force at one place in the state that needs the most.
+ *
+ *     Attributes:
+ *         place: The moved region, or the point that is pulled.
+ *         push: Force along the movement, N.
+ *         torque: Moment, N m.
+ */
+export interface HeldForce {
+  place: string;
+  push: number;
+  torque: number;
+}
 export interface Results {
   "add-next-cord": CordResult;
+  "add-pose": PoseResult;
+  "add-proposed": PoseResult;
+  "add-pull": null;
+  "add-region": RegionResult;
   "add-straight": CordResult;
   "add-stroke": CordResult;
   answer: null;
@@ -2305,28 +2882,38 @@ export interface Results {
   "close-device": null;
   "compare-cords": Comparison;
   "compare-layouts": null;
+  "convert-region": RegionResult;
   "create-from-body": null;
   "create-from-gallery": null;
   "delete-cords": null;
   "delete-point": null;
+  "delete-poses": null;
+  "delete-pull": null;
+  "delete-regions": null;
   "describe-upload": UploadedBody;
   "drag-plane": DragResult;
   "drag-point": DragResult;
   "drag-tangent": DragResult;
   "duplicate-cord": CordResult;
+  "duplicate-pose": PoseResult;
+  "duplicate-region": RegionResult;
   "error-map-of": null;
   "evaluate-model": null;
   "export-device": ExportResult;
+  "fit-region": RegionResult;
   "fit-response": null;
+  "follow-ramp": null;
   "forget-device": null;
   "get-shape": null;
   "get-skin": null;
+  "hide-pose": null;
   "insert-point": null;
   "keep-picture": null;
   "make-body": null;
   "make-tags": null;
   "measure-specimen": null;
   "mirror-cord": CordResult;
+  "move-grip": null;
   "open-device": null;
   "outline-of": PlaneOutline;
   "part-meshes": null;
@@ -2335,12 +2922,15 @@ export interface Results {
   "probe-point": PointNumbers;
   "process-sessions": null;
   propose: CordResult;
+  "propose-poses": null;
   "record-animation": AnimationResult;
   "record-twin": null;
   redo: null;
   "refresh-choices": null;
   "rename-cord": null;
   "rename-device": null;
+  "rename-pose": null;
+  "rename-region": null;
   "reset-field": null;
   "reset-parameter": null;
   restore: null;
@@ -2348,7 +2938,18 @@ export interface Results {
   "search-next-cord": null;
   "set-field": null;
   "set-freedoms": null;
+  "set-gravity": null;
   "set-parameter": null;
+  "set-pivot": null;
+  "set-pressure": null;
+  "set-pull": null;
+  "set-region": RegionResult;
+  "set-role": null;
+  "set-shift": null;
+  "set-symmetry": null;
+  "set-turn": null;
+  "shift-region": null;
+  "show-pose": null;
   "show-section": null;
   "simulate-specimens": null;
   "smooth-cord": null;
@@ -2356,10 +2957,12 @@ export interface Results {
   "start-check": null;
   "start-live": null;
   "start-recording": null;
+  "state-shape": null;
   "stop-body": null;
   "stop-guided": null;
   "stop-live": null;
   "stop-next-cord": null;
+  "stop-solving": null;
   "take-rest": null;
   "tick-stage": null;
   "train-model": null;
@@ -2377,6 +2980,23 @@ export interface Results {
  */
 export interface CordResult {
   name: string;
+}
+/**
+ * The pose that was added.
+ */
+export interface PoseResult {
+  name: string;
+}
+/**
+ * The region that was added or changed.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         count: Number of surface points that it holds.
+ */
+export interface RegionResult {
+  name: string;
+  count: number;
 }
 /**
  * Two cords next to each other; see `workflow.design.layout_judge.CordComparison`.

@@ -16,7 +16,8 @@ const FIELD_OF_VIEW_DEG = 28;
 /** Field of view at which a perspective view is replaced by an orthographic one. */
 const SMALLEST_FIELD_DEG = 1;
 const CHANGE_MS = 320;
-const FIT_MARGIN = 1.16;
+const FIT_MARGIN = 1.1;
+const TOOLBAR_PX = 52;
 const FIT_STEPS = 4;
 const UP = new Vector3(0, 0, 1);
 const TO_Y_UP = new Quaternion().setFromUnitVectors(UP, new Vector3(0, 1, 0));
@@ -54,12 +55,16 @@ export class CameraRig {
   readonly orthographic = new OrthographicCamera();
   camera: PerspectiveCamera | OrthographicCamera = this.perspective;
   readonly controls: OrbitControls;
+  /** Height at the upper edge that is left free, and the same at the lower edge, px. */
+  marginHeight = TOOLBAR_PX;
   private width = 1;
   private height = 1;
   private readonly bounds = { center: new Vector3(), radius: 50 };
   private corners: Vector3[] = [];
   private change: Change | null = null;
   private leftView: View | null = null;
+  /** Whether the view is one that shows the whole object, and not moved since. */
+  private isFitted = false;
 
   constructor(
     element: HTMLElement,
@@ -72,7 +77,10 @@ export class CameraRig {
     this.controls.zoomToCursor = true;
     this.controls.mouseButtons = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.PAN, RIGHT: MOUSE.PAN };
     this.controls.addEventListener("change", onChange);
-    this.controls.addEventListener("start", () => (this.change = null));
+    this.controls.addEventListener("start", () => {
+      this.change = null;
+      this.isFitted = false;
+    });
   }
 
   get projection(): Projection {
@@ -88,14 +96,14 @@ export class CameraRig {
     return this.leftView !== null;
   }
 
-  /** Follow the size of the scene; what is shown keeps its size on the screen. */
   resize(width: number, height: number): void {
-    const view = this.view();
-    const isFirst = this.width === 1 && this.height === 1;
-    const scale = isFirst ? 1 : height / this.height;
+    const view = this.goal();
     this.width = width;
     this.height = height;
-    this.show({ ...view, height: view.height * scale });
+    if (this.isFitted) {
+      this.change = null;
+      this.show(this.fitted(view.turn, view.up, view.fieldDeg));
+    } else this.show(this.view());
   }
 
   /** Set what Fit shows: a box in the rest frame, mm. */
@@ -115,13 +123,13 @@ export class CameraRig {
   /** Show the whole object, from the present direction. */
   fit(isSmooth = true): void {
     const { turn, up, fieldDeg } = this.goal();
-    this.go(this.fitted(turn, up, fieldDeg), isSmooth);
+    this.go(this.fitted(turn, up, fieldDeg), isSmooth, true);
   }
 
   /** Show the whole object from a side. */
   look(name: ViewName, isSmooth = true): void {
     const turn = facing(upright(new Vector3(...DIRECTIONS[name])), UP);
-    this.go(this.fitted(turn, UP, this.goal().fieldDeg), isSmooth);
+    this.go(this.fitted(turn, UP, this.goal().fieldDeg), isSmooth, true);
   }
 
   /** Turn around the middle of the view, until it is seen from a direction. */
@@ -167,13 +175,24 @@ export class CameraRig {
     this.go({ ...view, target: point.clone(), height }, true);
   }
 
+  /** Set what Fit shows, and keep the share of the picture that it fills. */
+  follow(box: Box3): void {
+    const view = this.goal();
+    const before = this.fitted(view.turn, view.up, view.fieldDeg);
+    this.setBounds(box);
+    const after = this.fitted(view.turn, view.up, view.fieldDeg);
+    const target = view.target.add(after.target).sub(before.target);
+    this.change = null;
+    this.show({ ...view, target, height: (view.height * after.height) / before.height });
+  }
+
   /** Face a plane in an orthographic view, its x axis to the right, until `leave`. */
   face({ axes }: Frame): void {
     this.leftView ??= this.goal();
     const [, y, normal] = axes.map((axis) => new Vector3(...(axis as [number, number, number])));
     this.controls.enableRotate = false;
     this.controls.mouseButtons.LEFT = null;
-    this.go(this.fitted(facing(normal!, y!), y!, 0), true);
+    this.go(this.fitted(facing(normal!, y!), y!, 0), true, true);
   }
 
   /** Return to the view before `face`. */
@@ -262,7 +281,8 @@ export class CameraRig {
     return this.change?.to ?? this.view();
   }
 
-  private go(to: View, isSmooth: boolean): void {
+  private go(to: View, isSmooth: boolean, isFitted = false): void {
+    this.isFitted = isFitted;
     const isInstant = !isSmooth || IS_MOTION_REDUCED.matches;
     this.change = { from: this.view(), to, start: isInstant ? -Infinity : performance.now() };
     this.onChange();
@@ -274,6 +294,7 @@ export class CameraRig {
     const isFlat = fieldDeg < SMALLEST_FIELD_DEG;
     const slope = tangent(Math.max(fieldDeg, SMALLEST_FIELD_DEG)) / FIT_MARGIN;
     const aspect = this.width / this.height;
+    const crop = this.height / Math.max(this.height - 2 * this.marginHeight, this.height / 2);
     const points = this.corners.map((corner) =>
       corner.clone().sub(this.bounds.center).applyQuaternion(inverse),
     );
@@ -288,7 +309,7 @@ export class CameraRig {
       middle.x += (Math.min(...xs) + Math.max(...xs)) / 2;
       middle.y += (Math.min(...ys) + Math.max(...ys)) / 2;
       const halves = points.map(({ x, y }) =>
-        Math.max(Math.abs(y - middle.y), Math.abs(x - middle.x) / aspect),
+        Math.max(Math.abs(y - middle.y) * crop, Math.abs(x - middle.x) / aspect),
       );
       distance = Math.max(...points.map(({ z }, i) => halves[i]! / slope + z));
       height = isFlat ? 2 * FIT_MARGIN * Math.max(...halves) : 2 * distance * tangent(fieldDeg);

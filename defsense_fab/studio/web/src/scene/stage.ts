@@ -32,6 +32,8 @@ export const cordMenuEntries = signal<() => readonly MenuEntry[]>(cordMenu);
 
 /** What a step does with clicks and menus in the scene before cords are selected. */
 export interface SceneTool {
+  /** Whether the step follows the pointer itself. */
+  ownsHover?: boolean;
   /** Return whether the click is handled. */
   onClick?(pick: Pick | null, event: PointerEvent): boolean;
   onMenu?(pick: Pick | null, x: number, y: number): boolean;
@@ -67,6 +69,7 @@ export function openStage(host: HTMLElement): () => void {
   ];
   shown.picker.listen({
     onHover: (pick) => {
+      if (tool.peek()?.ownsHover) return;
       const item = itemOf(pick);
       if (!isSame(item, hovered.peek())) hovered.value = item;
       shown.labels.set("hovered", pick && item ? [nameLabel(item, pick)] : []);

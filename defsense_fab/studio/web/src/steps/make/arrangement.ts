@@ -1,4 +1,5 @@
-// Where the parts are in a picture of a step, and what else it shows.
+// Where the parts are in a picture of a step, from where it is seen, and what else it shows.
+import { Vector3 } from "three";
 import type { BuiltCordState, Guide, GuidePin, GuideStage, PartState } from "../../protocol/messages";
 
 export interface PartPlacement {
@@ -44,4 +45,17 @@ export function arrange(
     wires: stage?.joint?.wires ?? [],
     pins: stage?.joint?.pins ?? [],
   };
+}
+
+const HOME = new Vector3(0.5, -0.85, 0.5).normalize();
+/** How far the lower side of an open joint is seen from above. */
+const JOINT_TILT = 0.5;
+
+/** From where a step is seen: from the side of an open joint, so that its lower side is visible. */
+export function viewDirection(stage: GuideStage | null): Vector3 {
+  if (!stage?.joint) return HOME.clone();
+  const opens = new Vector3().fromArray(stage.joint.lift).normalize();
+  const aside = HOME.clone().addScaledVector(opens, -HOME.dot(opens));
+  if (aside.lengthSq() < 1e-3) aside.set(1, -1, 0).addScaledVector(opens, -opens.x + opens.y);
+  return aside.normalize().addScaledVector(opens, JOINT_TILT).normalize();
 }

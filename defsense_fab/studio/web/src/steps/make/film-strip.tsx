@@ -5,13 +5,20 @@ import { EmptyState } from "../../ui/feedback";
 import { doneCount, isDone, showStage, stageIndex, stages, tick } from "./state";
 import { ALL_PARTS, thumbnails } from "./thumbnails";
 
+/** What stays visible of the steps next to the shown one. */
+const NEIGHBOR_PX = 60;
+
 /** The steps in their order; arrow keys move between them. */
 export function FilmStrip() {
   const list = useRef<HTMLOListElement>(null);
   const shown = stageIndex.value;
   useEffect(() => {
-    const card = list.current?.children[shown + 1];
-    card?.scrollIntoView({ block: "nearest", inline: "nearest" });
+    const strip = list.current;
+    const card = strip?.children[shown + 1];
+    if (!strip || !(card instanceof HTMLElement)) return;
+    const [left, right] = [card.offsetLeft - NEIGHBOR_PX, card.offsetLeft + card.offsetWidth + NEIGHBOR_PX];
+    const isVisible = left >= strip.scrollLeft && right <= strip.scrollLeft + strip.clientWidth;
+    if (!isVisible) strip.scrollTo({ left, behavior: "smooth" });
   }, [shown]);
   if (stages.value.length === 0) {
     return <EmptyState icon="make" text="The steps of the assembly appear here once the parts are built." />;

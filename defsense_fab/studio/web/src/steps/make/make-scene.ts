@@ -6,9 +6,9 @@ import { areCordsShown, isBodyShown, tool } from "../../scene/stage";
 import type { Viewer } from "../../scene/viewer";
 import { connection } from "../../state/connection";
 import { run } from "../../state/run";
-import { clearSelection, hovered, select } from "../../state/selection";
+import { clearSelection, hovered, isSame, select } from "../../state/selection";
 import { openContextMenu } from "../../ui/menu";
-import { arrange } from "./arrangement";
+import { arrange, viewDirection } from "./arrangement";
 import { partMenu } from "./part-menu";
 import { PartsLayer } from "./parts-layer";
 import {
@@ -51,11 +51,13 @@ export function attachParts(viewer: Viewer): () => void {
       if (event.buttons !== 0 || event.pointerType === "touch") return;
       const name = pickAt(event);
       viewer.canvas.style.cursor = name ? "pointer" : "";
-      hovered.value = name ? partItem(name) : null;
+      const item = name ? partItem(name) : null;
+      if (!isSame(item, hovered.peek())) hovered.value = item;
     },
     { signal: abort.signal },
   );
   tool.value = {
+    ownsHover: true,
     onClick: (_, event) => {
       const name = pickAt(event);
       if (name) select(partItem(name));
@@ -75,6 +77,7 @@ export function attachParts(viewer: Viewer): () => void {
     const box = layer.box();
     if (box.isEmpty()) return;
     viewer.rig.setBounds(box);
+    viewer.rig.turnTo(viewDirection(stage.peek()));
     viewer.rig.fit();
   };
   const stops = [

@@ -1,4 +1,6 @@
+import { useEffect, useRef } from "preact/hooks";
 import type { GuideStage } from "../../protocol/messages";
+import { isPhone } from "../../state/layout";
 import { IconButton } from "../../ui/button";
 import { Checkbox } from "../../ui/choices";
 import { isDone, showStage, stage, stageIndex, stages, tick } from "./state";
@@ -12,8 +14,14 @@ export function StageCard() {
 
 function Card({ shown, index }: { shown: GuideStage; index: number }) {
   const last = stages.value.length - 1;
+  const card = useRef<HTMLElement>(null);
+  useEffect(() => {
+    const sheet = card.current?.closest(".inspector-content");
+    if (!sheet || !card.current || !isPhone.peek()) return;
+    sheet.scrollTop += card.current.getBoundingClientRect().top - sheet.getBoundingClientRect().top;
+  }, [shown.id]);
   return (
-    <section class="stage-card" aria-label={`Step ${index + 1} of ${last + 1}`}>
+    <section ref={card} class="stage-card" aria-label={`Step ${index + 1} of ${last + 1}`}>
       <header>
         <span class="muted">
           Step {index + 1} of {last + 1}

@@ -1,10 +1,10 @@
 // Small pictures of the steps, rendered in this browser one after another.
 import { effect, signal } from "@preact/signals";
-import { Box3, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
+import { type Box3, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import type { ArrayMessage } from "../../protocol/connection";
 import type { Guide, PartState } from "../../protocol/messages";
 import { isDark, onThemeChange, sceneColors } from "../../scene/theme";
-import { arrange } from "./arrangement";
+import { arrange, viewDirection } from "./arrangement";
 import { meshes } from "./make-scene";
 import { PartsLayer } from "./parts-layer";
 import { guide, parts, partsEvent } from "./state";
@@ -12,7 +12,6 @@ import { guide, parts, partsEvent } from "./state";
 const WIDTH_PX = 132;
 const HEIGHT_PX = 78;
 const FIELD_OF_VIEW_DEG = 24;
-const DIRECTION = new Vector3(0.5, -0.85, 0.5).normalize();
 /** Picture of all parts, next to those of the steps. */
 export const ALL_PARTS = "all";
 
@@ -54,7 +53,7 @@ async function renderAll(
       await new Promise((resolve) => setTimeout(resolve)); // the page stays responsive
       if (!isCurrent()) return;
       layer.apply(arrange(shown, list, stage, 1), radii, new Set());
-      fit(camera, layer.box());
+      fit(camera, layer.box(), viewDirection(stage));
       renderer.render(scene, camera);
       const picture = renderer.domElement.toDataURL("image/png");
       thumbnails.value = new Map(thumbnails.value).set(stage?.id ?? ALL_PARTS, picture);
@@ -67,9 +66,9 @@ async function renderAll(
 }
 
 /** Place a camera so that a box fills the picture. */
-function fit(camera: PerspectiveCamera, box: Box3): void {
+function fit(camera: PerspectiveCamera, box: Box3, direction: Vector3): void {
   const center = box.getCenter(new Vector3());
-  camera.position.copy(center).addScaledVector(DIRECTION, 1000);
+  camera.position.copy(center).addScaledVector(direction, 1000);
   camera.lookAt(center);
   camera.updateMatrixWorld();
   const slope = Math.tan((FIELD_OF_VIEW_DEG * Math.PI) / 360) * 0.94;
@@ -85,7 +84,7 @@ function fit(camera: PerspectiveCamera, box: Box3): void {
     const half = Math.max(Math.abs(seen.y), Math.abs(seen.x) / camera.aspect);
     distance = Math.max(distance, half / slope + seen.z + 1000);
   }
-  camera.position.copy(center).addScaledVector(DIRECTION, distance);
+  camera.position.copy(center).addScaledVector(direction, distance);
   camera.near = distance / 20;
   camera.far = distance * 4;
   camera.updateProjectionMatrix();

@@ -28,7 +28,7 @@ export function ErrorMapSection() {
       {shown && (
         <>
           <Checkbox label="Deformed" isOn={isMapDeformed.value} onChange={(isOn) => (isMapDeformed.value = isOn)} />
-          <dl class="facts">
+          <dl class="fact-list">
             <Fact term="Over the surface (RMS)" value={map ? `${map.mean.toFixed(2)} mm` : "…"} />
             <Fact term="Largest" value={map ? `${map.largest.toFixed(2)} mm` : "…"} />
             <Fact term="At the markers, with noise" value={`${shown.expected.toFixed(2)} mm`} />

@@ -45,7 +45,7 @@ function Standing() {
   const state = standing.value;
   if (!state) return null;
   return (
-    <div class={`standing ${state.standing}`}>
+    <div class={`search-standing ${state.standing}`}>
       <p role="status">
         <Icon name={ICONS[state.standing]} />
         <span>{state.text}</span>
@@ -59,7 +59,7 @@ function Standing() {
 function Numbers({ drawn, built }: { drawn: number | null; built: number | null }) {
   if (drawn === null && built === null) return null;
   return (
-    <dl class="numbers">
+    <dl class="standing-numbers">
       <Number label="Drawn" error={drawn} tone="drawn" />
       <Number label="Optimized" error={built} tone="built" />
     </dl>
@@ -69,7 +69,7 @@ function Numbers({ drawn, built }: { drawn: number | null; built: number | null 
 function SearchNumbers() {
   const { best = null, drawn = null } = search.value ?? {};
   return (
-    <dl class="numbers">
+    <dl class="standing-numbers">
       <Number label="Drawn" error={drawn} tone="drawn" />
       <Number label="Best so far" error={best} tone="best" />
     </dl>
@@ -80,7 +80,7 @@ function Number({ label, error, tone }: { label: string; error: number | null; t
   return (
     <div>
       <dt>
-        <i class={`key-mark ${tone}`} aria-hidden="true" />
+        <i class={`chart-mark ${tone}`} aria-hidden="true" />
         {label}
       </dt>
       <dd>{error === null ? "–" : `${error.toFixed(2)} mm`}</dd>

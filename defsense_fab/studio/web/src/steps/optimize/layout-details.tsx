@@ -18,7 +18,7 @@ export function LayoutDetails({ row }: { row: LayoutRow }) {
   return (
     <div class="layout-details">
       <h4>{layoutLabel(row)}</h4>
-      <dl class="facts">
+      <dl class="fact-list">
         {facts.map(([term, value]) => (
           <div key={term}>
             <dt>{term}</dt>

@@ -29,7 +29,7 @@ export function LayoutTable() {
 function name(row: LayoutRow) {
   return (
     <span class="layout-name">
-      <i class={`key-mark dot ${dotTone(row)}`} aria-hidden="true" />
+      <i class={`chart-mark ${dotTone(row)}`} aria-hidden="true" />
       {layoutName(row)}
     </span>
   );
@@ -49,7 +49,7 @@ function unit(value: number | null, digits: number, name: string): string {
 }
 
 function parts({ parts: count, problem }: LayoutRow) {
-  return problem ? <span class="cannot" data-tooltip={problem}>cannot be made</span> : (count ?? "?");
+  return problem ? <span class="cannot-make" data-tooltip={problem}>cannot be made</span> : (count ?? "?");
 }
 
 function use(row: LayoutRow) {

@@ -11,8 +11,8 @@ export function OptimizeLegend() {
   if (map) return <ColorBar high={map.high} largest={map.largest} />;
   return (
     <div class="optimize-legend">
-      <span class="key">
-        <i class="key-mark line device" aria-hidden="true" />
+      <span class="chart-key">
+        <i class="chart-mark line device" aria-hidden="true" />
         Drawn cords
       </span>
       {layout && !layout.isDrawn && <Key tone="line layout" text={layoutLabel(layout)} />}

@@ -89,8 +89,8 @@ export function ErrorCurve({ search }: { search: Search }) {
 
 export function Key({ tone, text }: { tone: string; text: string }) {
   return (
-    <span class="key">
-      <i class={`key-mark ${tone}`} aria-hidden="true" />
+    <span class="chart-key">
+      <i class={`chart-mark ${tone}`} aria-hidden="true" />
       {text}
     </span>
   );

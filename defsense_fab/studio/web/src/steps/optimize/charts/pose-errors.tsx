@@ -37,8 +37,8 @@ interface BarProps {
 function Bar({ tone, error, largest }: BarProps) {
   return (
     <td>
-      <span class={`bar ${tone}`} style={{ width: `${(100 * (error ?? 0)) / largest}%` }} aria-hidden="true" />
-      <span class="bar-value">{error === null ? "–" : error.toFixed(2)}</span>
+      <span class={`pose-bar ${tone}`} style={{ width: `${(100 * (error ?? 0)) / largest}%` }} aria-hidden="true" />
+      <span class="pose-bar-value">{error === null ? "–" : error.toFixed(2)}</span>
     </td>
   );
 }

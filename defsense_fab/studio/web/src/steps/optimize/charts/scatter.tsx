@@ -59,7 +59,7 @@ export function Scatter({ dots, xTitle, yTitle, onChoose, onHover }: ScatterProp
           {placed.map(({ dot, px, py }) => (
             <g
               key={dot.name}
-              class={`dot ${dot.tone} ${dot.isChosen ? "chosen" : ""}`}
+              class={`chart-dot ${dot.tone} ${dot.isChosen ? "chosen" : ""}`}
               role="button"
               data-dot={dot.name}
               tabIndex={dot.name === entry?.dot.name ? 0 : -1}
@@ -73,8 +73,8 @@ export function Scatter({ dots, xTitle, yTitle, onChoose, onHover }: ScatterProp
               onFocus={() => onHover(dot.name)}
               onBlur={() => onHover(null)}
             >
-              <circle class="dot-target" cx={px} cy={py} r={8.5} />
-              <circle class="dot-mark" cx={px} cy={py} r={dot.isChosen ? 6.5 : 5} />
+              <circle class="chart-dot-target" cx={px} cy={py} r={8.5} />
+              <circle class="chart-dot-mark" cx={px} cy={py} r={dot.isChosen ? 6.5 : 5} />
             </g>
           ))}
         </svg>
