@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import socket
 
 import pytest
 
@@ -10,14 +11,21 @@ from defsense_fab.core.machine.local_access import Access
 from defsense_fab.studio.app.studio_app import StudioApp
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.workflow.view import HOST, WebServer
-from tests.studio.browser.conftest import SIZE, TIMEOUT_MS, new_context
-from tests.studio.conftest import free_port
 
 pytest.importorskip("playwright")
 from playwright.sync_api import expect
 
 pytestmark = pytest.mark.slow
+SIZE = {"width": 800, "height": 600}  # small, because the processor draws it
+TIMEOUT_MS = 240_000.0  # on a loaded machine
+
 expect.set_options(timeout=TIMEOUT_MS)
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind((HOST, 0))
+        return probe.getsockname()[1]
 
 
 @pytest.fixture
@@ -29,7 +37,7 @@ def page(browser, live_bar, tmp_path):
     server = WebServer(port, Access(HOST), HOST)
     app = StudioApp(server, folder, Agreement(trusted=True))
     server.start(app)
-    context = new_context(browser, viewport=SIZE)
+    context = browser.new_context(viewport=SIZE, device_scale_factor=0.5)
     page = context.new_page()
     page.set_default_timeout(TIMEOUT_MS)
     page.folder = folder
