@@ -17,7 +17,7 @@ from defsense_fab.studio.messages import inside as messages
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.project.project import Project
 from defsense_fab.studio.session.device_session import DeviceSession
-from defsense_fab.studio.steps.inside import inside_step, simulated_body
+from defsense_fab.studio.steps.inside import inside_step, next_cord_search, simulated_body
 from defsense_fab.studio.steps.inside.inside_step import InsideStep
 from defsense_fab.workflow.design.next_cord import NextCord
 from tests.conftest import box_surface

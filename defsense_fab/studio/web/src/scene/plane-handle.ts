@@ -102,7 +102,7 @@ export class PlaneHandle {
   private dragShift(x: number, y: number): void {
     const height = this.heightAt(x, y);
     if (height === null) return;
-    this.start ??= { frame: this.frame!, value: height };
+    this.start ??= { frame: this.frame!, value: this.heightAt(...this.tip()) ?? height };
     const distance = height - this.start.value;
     this.report(shifted(this.start.frame, distance), distanceText(distance), [x, y]);
   }
@@ -110,7 +110,10 @@ export class PlaneHandle {
   private dragTurn(axis: number, x: number, y: number): void {
     const angle = this.angleAt(axis, x, y);
     if (angle === null) return;
-    this.start ??= { frame: this.frame!, value: angle };
+    if (!this.start) {
+      const from = this.angleAt(axis, ...this.arcMiddle(axis));
+      this.start = { frame: this.frame!, value: from ?? angle };
+    }
     let degrees = Math.round(((angle - this.start.value) * 180) / Math.PI);
     degrees = ((((degrees + 180) % 360) + 360) % 360) - 180;
     this.report(this.turned(this.start.frame, axis, degrees), angleText(degrees), [x, y]);
@@ -177,6 +180,12 @@ export class PlaneHandle {
       origin: origin.toArray(),
       axes: frame.axes.map((row) => turn(new Vector3().fromArray(row)).toArray()),
     };
+  }
+
+  /** Return the pixel of the button of an arc. */
+  private arcMiddle(axis: number): [number, number] {
+    const frame = this.frame!;
+    return this.pixel(this.axis(frame, 2), (ARC_DEG[0] + ARC_DEG[1]) / 2, this.axis(frame, 1 - axis));
   }
 
   private tip(): [number, number] {
