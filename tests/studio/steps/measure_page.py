@@ -17,6 +17,38 @@ from tests.studio.steps.browsers import FakeBrowser, FakeServer
 
 TIMEOUT_S = 600.0
 
+SPECIMEN = {
+    "length": 150.0,
+    "thickness": 8.0,
+    "channels": {"inner": 2.0},
+    "jigs": [{"radius": r} for r in (None, 75.0, 100.0, 150.0)],
+}
+
+
+def write_specimen(folder):
+    """Write the file of a specimen that is to be measured."""
+    (folder / "specimen").mkdir()
+    (folder / "specimen" / "specimen.json").write_text(json.dumps(SPECIMEN), encoding="utf-8")
+
+
+def write_session(folder, layout, device="bar", *, is_processed=True):
+    """Write the files of a session that are read before it is used for training."""
+    folder.mkdir()
+    manifest = {
+        "schema": 1,
+        "device": device,
+        "begun": "2026-11-25",
+        "channels": ["a"],
+        "reference": [1.0],
+        "steps": [],
+        "unit": "1",
+        "layout": layout,
+    }
+    (folder / "session.json").write_text(json.dumps(manifest), encoding="utf-8")
+    if is_processed:
+        (folder / "quality.json").write_text('{"frames": 90, "seconds": 3.0}', encoding="utf-8")
+        (folder / "aligned.csv").write_text("", encoding="utf-8")
+
 
 class WatchingBrowser(FakeBrowser):
     """A browser that keeps the binary messages that are posted to it."""

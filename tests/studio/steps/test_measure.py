@@ -7,18 +7,15 @@ import shutil
 from pathlib import Path
 
 import pytest
-from defsense_fab.studio.steps.measure import jobs
-from tests.studio.measure.test_calibration_part import write_specimen
-from tests.studio.measure.test_training_part import write_session
 
 from defsense_fab.core.errors import TrainingError
 from defsense_fab.core.response import ResponseSpec
 from defsense_fab.store.layout import layout_hash, load_layout
 from defsense_fab.studio.messages import measure as messages
-from defsense_fab.studio.steps.measure import training
+from defsense_fab.studio.steps.measure import jobs, training
 from defsense_fab.workflow.train.evaluation import Measures
 from defsense_fab.workflow.train.options import TwinOptions
-from tests.studio.steps.measure_page import MeasurePage
+from tests.studio.steps.measure_page import MeasurePage, write_session, write_specimen
 
 TWIN = {"minutes": 2.0, "unit": 1, "seed": 1, "cords": ""}
 

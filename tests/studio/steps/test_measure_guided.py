@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from tests.studio.measure.test_calibration_part import write_specimen
 
 from defsense_fab.capture.readout.reader import Reader
 from defsense_fab.core.markers import Markers, write_markers_file
@@ -19,7 +18,7 @@ from defsense_fab.workflow.sessions import recording as recording_module
 from defsense_fab.workflow.view import live_messages
 from tests.runtime.live.conftest import NAMES
 from tests.runtime.live_frames import wait_for
-from tests.studio.steps.measure_page import TIMEOUT_S, MeasurePage
+from tests.studio.steps.measure_page import TIMEOUT_S, MeasurePage, write_specimen
 from tests.workflow.board.conftest import wired_bar as wired_bar_fixture
 
 wired_bar = wired_bar_fixture
