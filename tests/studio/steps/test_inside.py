@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from defsense_fab.studio.inside import next_cord_search
 
 from defsense_fab.core.curve import Plane
 from defsense_fab.core.errors import DefsenseError, LayoutError
