@@ -198,6 +198,11 @@ def load_fields(folder: Path, has_traces: bool = False) -> Fields:
     return Fields.of(states, [(d["displacement"], d["strain"]) for d in data])
 
 
+def load_field(folder: Path, state: str) -> Float:
+    """Return the displacements (n, 3), mm, of a state. Raises StorageError."""
+    return np.asarray(read_vtu(field_path(folder, state)).point_data["displacement"], float)
+
+
 def load_levels(folder: Path, pose: str) -> dict[float, Float]:
     """Return the displacements (n, 3), mm, of a pose alone, by amplitude.
 
@@ -210,9 +215,7 @@ def load_levels(folder: Path, pose: str) -> dict[float, Float]:
     if not (folder / INDEX).exists():
         return {}
     return {
-        float(s.weights[pose]): np.asarray(
-            read_vtu(field_path(folder, s.state)).point_data["displacement"], float
-        )
+        float(s.weights[pose]): load_field(folder, s.state)
         for s in load_index(folder).states
         if set(s.weights) == {pose}
     }

@@ -15,6 +15,7 @@ from ..steps.inside.inside_step import InsideStep
 from ..steps.make.step import MakeStep
 from ..steps.measure.measure_step import MeasureStep
 from ..steps.optimize.step import OptimizeStep
+from ..steps.poses.poses_step import PosesStep
 from ..steps.sensors import SensorsStep
 from ..steps.shell import ShellStep
 
@@ -40,6 +41,7 @@ class DeviceApp:
         self.steps: tuple[Step, ...] = (
             shell,
             BodyStep(self.session),
+            PosesStep(self.session),
             SensorsStep(self.session, shell.show_violations),
             InsideStep(self.session),
             OptimizeStep(self.session),

@@ -36,6 +36,17 @@ class Edit:
     change: Callable[[TOMLDocument], TOMLDocument | None]
 
 
+def combine(name: str, edits: Sequence[Edit]) -> Edit:
+    """Return the edit that makes several edits in one step of undo."""
+
+    def change(document: TOMLDocument) -> TOMLDocument:
+        for edit in edits:
+            document = edit.change(document) or document
+        return document
+
+    return Edit(name, change)
+
+
 def number(value: float) -> int | float:
     """Round to a thousandth, and return an integer if the result is whole."""
     rounded = round(float(value), _DECIMALS)

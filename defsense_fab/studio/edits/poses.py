@@ -50,9 +50,13 @@ def add_pose(name: str, fixed: Sequence[str], region: str) -> Edit:
     """Add a pose that holds regions and turns another one by 10 degrees about z."""
 
     def change(document: TOMLDocument) -> None:
-        turn = _rotation(np.array([0.0, 0.0, 1.0]), _INITIAL_TURN_DEGREES)
+        turn = rotation_table(np.array([0.0, 0.0, 1.0]), _INITIAL_TURN_DEGREES)
         handle = inline({"region": region, "rotate": turn, "translate": "free"})
-        append(document, _KEY, {"name": name, "fixed": strings(fixed), "handles": _array([handle])})
+        append(
+            document,
+            _KEY,
+            {"name": name, "fixed": strings(fixed), "handles": table_array([handle])},
+        )
 
     return Edit(f"add the pose `{name}`", change)
 
@@ -134,9 +138,9 @@ def set_role(name: str, region: str, role: PoseRole, shift: Sequence[float] = (0
             return
         translation = "free" if role == "turned" else numbers(shift)
         if handles:
-            _handle(document, name, region)["translate"] = translation
+            handle_table(document, name, region)["translate"] = translation
         else:
-            turn = _rotation(np.array([0.0, 0.0, 1.0]), _INITIAL_TURN_DEGREES)
+            turn = rotation_table(np.array([0.0, 0.0, 1.0]), _INITIAL_TURN_DEGREES)
             values = {"region": region, "rotate": turn, "translate": translation}
             append(pose, "handles", values)
 
@@ -190,8 +194,8 @@ def turn_handle(name: str, region: str, axis: Float, degrees: float) -> Edit:
     """Set the rotation of a moved region about an axis (3,); the center of rotation stays."""
 
     def change(document: TOMLDocument) -> None:
-        handle = _handle(document, name, region)
-        turn = _rotation(axis, degrees)
+        handle = handle_table(document, name, region)
+        turn = rotation_table(axis, degrees)
         before = handle.get("rotate")
         if isinstance(before, Mapping) and "about" in before:
             turn["about"] = before["about"]
@@ -205,7 +209,7 @@ def shift_handle(name: str, region: str, to: Sequence[float] | str) -> Edit:
 
     def change(document: TOMLDocument) -> None:
         translation = to if isinstance(to, str) else numbers(to)
-        _handle(document, name, region)["translate"] = translation
+        handle_table(document, name, region)["translate"] = translation
 
     return Edit(f"move `{region}` in `{name}`", change)
 
@@ -219,7 +223,7 @@ def drag_point(name: str, at: Float, by: Float, stiffness: float) -> Edit:
         if "drags" in pose:
             append(pose, "drags", drag)
         else:
-            pose["drags"] = _array([inline(drag)])
+            pose["drags"] = table_array([inline(drag)])
 
     return Edit(f"pull at a point in `{name}`", change)
 
@@ -267,7 +271,7 @@ def shift_region(region: str, by: Float) -> Edit:
     """Move a region of any shape by (3,) mm."""
 
     def change(document: TOMLDocument) -> None:
-        _check_region(document, region)
+        check_region(document, region)
         regions: Any = document["regions"]
         shape = regions[region]
         for kind, keys in _POINT_KEYS.items():
@@ -285,7 +289,7 @@ def remove_region(region: str) -> Edit:
     """Delete a region; the edit raises DeviceError if a pose uses it."""
 
     def change(document: TOMLDocument) -> None:
-        _check_region(document, region)
+        check_region(document, region)
         users = [str(pose["name"]) for pose in rows(document, _KEY) if _uses(pose, region)]
         if users:
             raise DeviceError(
@@ -306,7 +310,7 @@ def rename_region(region: str, to: str) -> Edit:
     """Rename a region, also in poses and in the outputs."""
 
     def change(document: TOMLDocument) -> None:
-        _check_region(document, region)
+        check_region(document, region)
         regions: Any = document["regions"]
         if to in regions:
             raise DeviceError(
@@ -330,7 +334,8 @@ def rename_region(region: str, to: str) -> Edit:
     return Edit(f"rename the region `{region}` to `{to}`", change)
 
 
-def _check_region(document: TOMLDocument, region: str) -> None:
+def check_region(document: TOMLDocument, region: str) -> None:
+    """Raise DeviceError if the device has no such region."""
     names = list(document.get("regions", {}))
     if region not in names:
         raise not_in_device("region", region, names)
@@ -351,7 +356,8 @@ def _set_anchor(document: TOMLDocument, region: str, to: str | None) -> None:
             outputs["anchor"] = to
 
 
-def _handle(document: TOMLDocument, name: str, region: str) -> Any:
+def handle_table(document: TOMLDocument, name: str, region: str) -> Any:
+    """Return the table of the handle of a region. Raises DeviceError if there is none."""
     for handle in rows(named(document, _KEY, name), "handles"):
         if handle.get("region") == region:
             return handle
@@ -377,12 +383,14 @@ def _drag(pose: Any, name: str, at: Float) -> Any:
     )
 
 
-def _rotation(axis: Float, degrees: float) -> Any:
+def rotation_table(axis: Float, degrees: float) -> Any:
+    """Return the inline table of a rotation about an axis (3,)."""
     unit = np.asarray(axis, float) / np.linalg.norm(axis)
     return inline({"axis": numbers(unit), "degrees": number(degrees)})
 
 
-def _array(values: Sequence[Any]) -> Any:
+def table_array(values: Sequence[Any]) -> Any:
+    """Return an array in one line of inline tables or other items."""
     array = numbers([])
     array.extend(values)
     return array
@@ -393,5 +401,5 @@ def _to_inline(value: Any) -> Any:
     if isinstance(value, Mapping):
         return inline({k: _to_inline(v) for k, v in value.items()})
     if isinstance(value, list):
-        return _array([_to_inline(v) for v in value])
+        return table_array([_to_inline(v) for v in value])
     return value

@@ -10,10 +10,10 @@ from typing import Any, Union
 import msgspec
 
 from ...workflow.view import Event, Reply, Request, Upload, live_messages
-from . import body, inside, make, measure, optimize, sensors, shell, start
+from . import body, inside, make, measure, optimize, poses, sensors, shell, start
 
 MODULES: tuple[ModuleType, ...] = (
-    *(shell, start, body, inside, sensors, optimize, make, measure),
+    *(shell, start, body, poses, inside, sensors, optimize, make, measure),
     live_messages,
 )
 

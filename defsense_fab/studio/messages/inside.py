@@ -128,9 +128,8 @@ class ShowSection(Request, frozen=True, kw_only=True):
 
     The answer has the arrays `vertices` (v, 3) mm in the state, `rest` (v, 3) mm at rest,
     `triangles` (t, 3) and `values` (v,), NaN where unknown; and the facts `low`, `high` and `step`
-    of the color bar, `smallest` and `largest` value of the section or null, `lowest` and `highest`
-    offset of the plane from the body's middle that meets the body (mm), and `direction`, the ends
-    of a line along the direction or null.
+    of the color bar, `smallest` and `largest` value of the section or null, and `lowest` and
+    `highest` offset of the plane from the body's middle that meets the body, mm.
 
     Attributes:
         origin: Origin (3,) of the plane in the body at rest, mm.

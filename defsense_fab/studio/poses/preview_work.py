@@ -74,6 +74,7 @@ class PreviewWork:
         on_solved: Called with the fine result of the latest request, and the preview that solved
             it.
         on_error: Called with an error, such as that of a pose that the body cannot have.
+        on_done: Called after each request or action; after one that failed, before `on_error`.
 
     Attributes:
         response_times: Times of the last answers.
@@ -84,12 +85,15 @@ class PreviewWork:
         on_answer: Callable[[PreviewRequest, PreviewAnswer], None],
         on_solved: Callable[[PosePreview, PreviewRequest, PreviewedPose], None],
         on_error: Callable[[Exception], None],
+        on_done: Callable[[], None] = lambda: None,
     ) -> None:
         self._on_answer, self._on_solved = on_answer, on_solved
+        self._on_done = on_done
         self._latest: object = None
         self._cancelled_at = 0.0
         self._lock = threading.Lock()
         self._preview: PosePreview | None = None
+        self._preparing: PosePreview | None = None  # its coarse mesh is being made
         self._next_preview: list[PosePreview | None] = []  # at most one, of another build
         self._coarse_meshes: list[tuple[PosePreview, TetMesh]] = []  # not used yet
         self.response_times: deque[ResponseTimes] = deque(maxlen=_MAX_RESPONSE_TIMES)
@@ -105,10 +109,16 @@ class PreviewWork:
             is_meshed = any(owner is preview for owner, _ in self._coarse_meshes)
             return preview is not None and (is_meshed or preview.has_coarse)
 
+    @property
+    def is_preparing(self) -> bool:
+        """Whether the coarse mesh is being made."""
+        return self._preparing is not None
+
     def use(self, preview: PosePreview | None) -> None:
         """Continue with the preview of another build, or with none; make its coarse mesh."""
         with self._lock:
             self._next_preview = [preview]
+            self._preparing = preview
         if preview is not None:
             threading.Thread(target=self._make_coarse_mesh, args=(preview,), daemon=True).start()
 
@@ -125,6 +135,10 @@ class PreviewWork:
     def is_latest(self, item: object) -> bool:
         """Return whether a request or action is the latest one."""
         return self._latest is item
+
+    def supersede(self) -> None:
+        """Let the running request end early, as a newer one will be given after it."""
+        self._latest = None
 
     def cancel(self) -> None:
         """Cancel the running request."""
@@ -148,18 +162,21 @@ class PreviewWork:
             mesh = load_coarse_mesh(preview.device)
         except (DefsenseError, OSError):  # there are only fine shapes, which take longer
             mesh = None
-        if mesh is not None:
-            with self._lock:
+        with self._lock:
+            if mesh is not None:
                 self._coarse_meshes = [(preview, mesh)]
+            if self._preparing is preview:
+                self._preparing = None
 
     def _handle(self, item: PreviewRequest | Callable[[PosePreview], None]) -> None:
-        preview = self._current_preview()
-        if preview is None:
-            return
-        if isinstance(item, PreviewRequest):
-            self._solve(preview, item)
-        else:
-            item(preview)
+        try:
+            preview = self._current_preview()
+            if preview is not None and isinstance(item, PreviewRequest):
+                self._solve(preview, item)
+            elif preview is not None and not isinstance(item, PreviewRequest):
+                item(preview)
+        finally:
+            self._on_done()
 
     def _solve(self, preview: PosePreview, request: PreviewRequest) -> None:
         started_at = time.perf_counter()

@@ -2,29 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from pathlib import Path
 
-import tomlkit
-from tomlkit import TOMLDocument
-from tomlkit.exceptions import TOMLKitError
-
-from ...core.device.device_file import DEVICE, load_device
-from ...core.errors import DefsenseError, DeviceError
-from ...workflow.study.options import ModesOptions
-from ...workflow.study.propose_poses import (
-    PoseSearch,
-    ProposedPose,
-    as_toml,
-    extend_text,
-    find_poses,
-)
-from ..edits.edit import Edit, free_name
-from ..workbench.background_job import BackgroundJob, JobReporter
+from ...core.errors import DefsenseError
+from ...workflow.study.propose_poses import PoseSearch, ProposedPose
+from ..workbench.background_job import BackgroundJob
 from ..workbench.controls import NONE, on_user
 from ..workbench.page_texts import StatusText, escape_cell, markdown_table
+from .pose_search import add_proposed, search_poses
 from .poses_scene import PosesScene
 
 _NO_REGION = "Add the region that holds the body first."
@@ -155,21 +140,14 @@ class SuggestionPart:
     def _write(self, poses: Sequence[ProposedPose], *, has_states: bool) -> str | None:
         assert self.result is not None
         used_names = [p.name for p in self._bench.project.device.poses]
-        renamed: list[ProposedPose] = []
-        for pose in poses:
-            renamed.append(replace(pose, name=free_name(pose.name, used_names)))
-            used_names.append(renamed[-1].name)
-        text = as_toml(renamed, self._held_region, self.result.region)
-        if not has_states:
-            added = tomlkit.parse(text)
-            added.pop("states", None)
-            text = tomlkit.dumps(added)
-        names = ", ".join(f"`{p.name}`" for p in renamed)
-        if not self._bench.apply(_add_poses(names, text)):
+        names, edit = add_proposed(
+            self.result, poses, self._held_region, used_names, has_states=has_states
+        )
+        if not self._bench.apply(edit):
             return None
         with self._bench.drawing_lock:
-            self.on_added(renamed[0].name)
-        return renamed[0].name
+            self.on_added(names[0])
+        return names[0]
 
     def _show_search(self, is_running: bool) -> None:
         self._bar.visible = self._stop.visible = is_running
@@ -222,22 +200,3 @@ class SuggestionPart:
     def _choose_from_list(self, name: str) -> None:
         with self._bench.drawing_lock:
             self.choose(name)
-
-
-def search_poses(reporter: JobReporter, folder: Path, region: str) -> None:
-    """Search for poses of the device in `folder`; run this in a BackgroundJob."""
-    device = load_device(folder, complete=False)
-    search = find_poses(device, ModesOptions(fixed=region), reporter.stage_progress)
-    reporter.item((region, search))
-
-
-def _add_poses(names: str, text: str) -> Edit:
-    def change(document: TOMLDocument) -> TOMLDocument:
-        try:
-            return tomlkit.parse(extend_text(tomlkit.dumps(document), text))
-        except (TOMLKitError, tomllib.TOMLDecodeError) as error:
-            raise DeviceError(
-                f"the poses cannot be added ({error})", code="edit-not-possible", where=DEVICE
-            ) from None
-
-    return Edit(f"add the poses {names}", change)

@@ -12,7 +12,7 @@ from ...core.arrays import Float
 from ...core.device.device import Pose
 from ...core.errors import SolveError
 from ...mechanics.solver.interactive import Stop
-from ...store.fields import load_levels
+from ...store.fields import load_field, load_levels
 from .pose_preview import PosePreview
 
 RAMP_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # solved if no build has simulated the pose
@@ -48,14 +48,15 @@ class Ramp:
         return np.asarray(CubicSpline(np.append(0.0, self.shares), whole)(share))
 
 
-def load_ramp(folder: Path, preview: PosePreview, pose: Pose, full: Float) -> Ramp | None:
+def load_ramp(folder: Path, preview: PosePreview, pose: Pose, full: Float | None) -> Ramp | None:
     """Load the ramp of a pose from a build.
 
     Args:
         folder: Folder of the build.
         preview: Preview of the same body.
         pose: The pose.
-        full: Displacements (v, 3) mm of the full pose in the preview.
+        full: Displacements (v, 3) mm of the full pose in the preview; None if the build is known to
+            belong to the present device.
 
     Returns:
         The ramp, or None if the build has no fields of the pose, has another mesh, or has simulated
@@ -68,10 +69,29 @@ def load_ramp(folder: Path, preview: PosePreview, pose: Pose, full: Float) -> Ra
     if len(levels[1.0]) != preview.nodes:
         return None
     moved = preview.on_surface(np.array([levels[s] for s in shares]))
-    difference = float(np.abs(moved[-1] - full).max())
-    if difference > _SAME_POSE_RTOL * preview.size:
-        return None
+    if full is not None:
+        difference = float(np.abs(moved[-1] - full).max())
+        if difference > _SAME_POSE_RTOL * preview.size:
+            return None
     return Ramp(np.array(shares), moved, True)
+
+
+def load_state_shape(folder: Path, preview: PosePreview, state: str) -> Float | None:
+    """Return the displacements (v, 3) mm of the surface in a simulated state.
+
+    Args:
+        folder: Folder of the build.
+        preview: Preview of the same body.
+        state: Name of the state.
+
+    Returns:
+        The displacements, or None if the build has another mesh.
+
+    Raises:
+        StorageError: The state is missing or damaged.
+    """
+    field = load_field(folder, state)
+    return preview.on_surface(field) if len(field) == preview.nodes else None
 
 
 def follow_ramp(

@@ -110,8 +110,11 @@ class BodyStep(Step):
     def close(self) -> None:
         self._is_closed = True
 
-    def make(self) -> None:
+    def make(self, has_changed: bool = False) -> None:
         """Make the body in the background, after asking whether its script may run.
+
+        Args:
+            has_changed: Whether a body that is being made now is outdated, and made again.
 
         Raises:
             BodyError: The script cannot be read.
@@ -122,8 +125,9 @@ class BodyStep(Step):
                 self._set_state("not-agreed")
                 return
             if self._state == "making":
-                self._should_restart = True
-                self._cancel()
+                if has_changed:
+                    self._should_restart = True
+                    self._cancel()
             elif self.session.jobs.is_running:
                 self._set_state("waiting")
             else:
@@ -201,7 +205,7 @@ class BodyStep(Step):
         if self._must_ask():
             self._set_state("not-agreed")
         else:
-            self.make()
+            self.make(has_changed=True)
 
     def _must_ask(self) -> bool:
         try:

@@ -25,7 +25,6 @@ from ...session.body_arrays import feature_edges
 from ...session.cord_states import plane_of, rounded
 from .quantities import COLOR_MAPS, QUANTITIES, UNKNOWN_COLOR, ShownQuantity
 
-_DIRECTION_LENGTH = 0.15  # half the line of the direction, times the body's size
 _MIN_GAIN_SPREAD = 0.03  # share of the largest gain
 
 AnySection = messages.ShowSection | messages.ProbePoint
@@ -137,7 +136,6 @@ class SimulatedBody:
                 "largest": float(known.max()) if len(known) else None,
                 "lowest": lowest,
                 "highest": highest,
-                "direction": self._direction_line(section),
             },
         )
 
@@ -201,13 +199,6 @@ class SimulatedBody:
             low, high = shown.to_shown(shown.engine.to_shown(span)).tolist()
             self._fixed_ranges = {key: round_range(low, high)}  # the last one alone
         return self._fixed_ranges[key]
-
-    def _direction_line(self, section: SectionRequest) -> Any:
-        """Return the ends of a line through the plane's origin along the direction, or None."""
-        if not section.quantity.needs_direction or section.path is not None:
-            return None
-        half = _DIRECTION_LENGTH * self.body.size * section.direction(section.plane.origin)
-        return rounded(np.stack([section.plane.origin - half, section.plane.origin + half]))
 
 
 #: What the page gets also before a simulation.

@@ -71,7 +71,9 @@ class GuidedTasks:
             request.port.strip() or NONE,
             options,
             open_screen=lambda _: self._runs.open_screen("record", _RECORD_TITLE),
-            note=lambda text: self._board.show("record", text, state="running"),
+            note=lambda text: self._board.show(
+                "record", text[:1].upper() + text[1:], state="running"
+            ),
         )
         self._runs.start("record", lambda: self._show_recorded(record(), folder))
 

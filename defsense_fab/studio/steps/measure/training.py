@@ -57,11 +57,7 @@ class TrainingTasks:
                 "record",
                 "Make the tags",
                 partial(jobs.make_tags, self._folder),
-                lambda notes: self._board.show(
-                    "record",
-                    " ".join(["The tags are in markers/markers.pdf.", *notes]),
-                    "tags-made",
-                ),
+                self._show_tags,
             )
 
     def record_twin(self, request: messages.RecordTwin) -> None:

@@ -35,7 +35,7 @@ function App() {
   });
   return (
     <>
-      <Banners />
+      {!livePage.value && <Banners />}
       <Screen />
       <JobStrip />
       <QuestionDialog />

@@ -22,8 +22,12 @@ export function GuidedPicturePart({ picture }: { picture: GuidedPicture }) {
   }, [picture.array]);
   return (
     <figure class="guided-picture">
-      {picture.hasImage && url.value ? (
-        <img src={url.value} alt={`Picture of ${picture.name}`} />
+      {url.value ? (
+        <img
+          class={picture.hasImage ? "" : "outdated"}
+          src={url.value}
+          alt={`${picture.hasImage ? "Picture" : "Last picture"} of ${picture.name}`}
+        />
       ) : (
         <div class="guided-no-picture">No picture</div>
       )}
@@ -42,13 +46,13 @@ export function GuidedBarsPart({ bars }: { bars: GuidedBars }) {
       <ul>
         {bars.values.map((row, k) => (
           <li key={k}>
-            {bars.names[k] !== undefined && <span class="bar-name">{bars.names[k]}</span>}
-            <span class="bar-row" aria-hidden="true">
+            {bars.names[k] !== undefined && <span class="guided-bar-name">{bars.names[k]}</span>}
+            <span class="guided-bar-row" aria-hidden="true">
               {row.map((share, column) => (
                 <Bar key={column} bars={bars} row={k} share={share} />
               ))}
             </span>
-            <span class={`bar-text ${bars.states[k] ?? ""}`}>
+            <span class={`guided-bar-text ${bars.states[k] ?? ""}`}>
               {bars.texts[k] ?? `${Math.round(mean(row) * 100)} %`}
             </span>
           </li>
@@ -63,11 +67,11 @@ function Bar({ bars, row, share }: { bars: GuidedBars; row: number; share: numbe
   const number = bars.colors[row];
   const color = number === undefined ? undefined : lineColor(number);
   return (
-    <span class={`bar ${bars.states[row] ?? ""}`}>
+    <span class={`guided-bar ${bars.states[row] ?? ""}`}>
       {band && (
-        <i class="bar-band" style={{ left: percent(band[0]!), width: percent(band[1]! - band[0]!) }} />
+        <i class="guided-bar-band" style={{ left: percent(band[0]!), width: percent(band[1]! - band[0]!) }} />
       )}
-      <i class="bar-fill" style={{ width: percent(share), background: color }} />
+      <i class="guided-bar-fill" style={{ width: percent(share), background: color }} />
     </span>
   );
 }
@@ -88,14 +92,14 @@ export function GuidedPlotPart({ plot }: { plot: GuidedPlot }) {
         {plot.curves
           .filter(({ name }) => name)
           .map((curve) => (
-            <span key={curve.name} class="plot-name">
+            <span key={curve.name} class="guided-plot-name">
               <i style={{ background: colorOf(curve) }} /> {curve.name}
             </span>
           ))}
       </figcaption>
       <svg viewBox={`0 0 ${PLOT_WIDTH} ${height}`} role="img" aria-label={plot.title || "Plot"}>
         {plot.hasAxes && (
-          <path class="plot-axes" d={`M0 ${toY(0)}H${PLOT_WIDTH}M${toX(0)} 0V${height}`} />
+          <path class="guided-plot-axes" d={`M0 ${toY(0)}H${PLOT_WIDTH}M${toX(0)} 0V${height}`} />
         )}
         {plot.curves.map((curve, k) => (
           <g key={k} style={{ color: colorOf(curve) }}>

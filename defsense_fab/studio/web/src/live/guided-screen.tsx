@@ -94,7 +94,8 @@ function KeyBar({ keys, press }: { keys: readonly GuidedKey[]; press: (key: stri
           hint={key.hint || undefined}
           onClick={() => press(key.name)}
         >
-          {capitalized(key.label)} <Keys shortcut={key.name === "enter" ? "Enter" : key.name.toUpperCase()} />
+          {capitalized(key.label)}{" "}
+          <Keys shortcut={key.name === "enter" ? "Enter" : key.name.toUpperCase()} />
         </Button>
       ))}
     </div>

@@ -7,7 +7,6 @@ import { run } from "../state/run";
 import { showToast } from "../state/toasts";
 import { Button, IconButton } from "../ui/button";
 import { ControlList } from "./control-list";
-import type { Frame } from "./frame";
 import "./live.css";
 import { LiveScene } from "./live-scene";
 import { liveDevice, liveNotes, shownFrame, useFrames } from "./live-state";
@@ -44,9 +43,9 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
       scene.current = null;
     };
   }, []);
-  useFrames((frame: Frame) => {
-    scene.current?.show(frame);
-    current.current.add(frame);
+  useFrames({
+    onReceive: (frame) => current.current.add(frame),
+    onShow: (frame) => scene.current?.show(frame),
   });
   useLiveKeys(() => scene.current?.fit());
 
@@ -59,6 +58,12 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
         {isRunning && <QualityBadge facts={shownFrame.value?.facts ?? null} />}
         <span class="live-status">{isRunning ? qualityText() : ""}</span>
         <div class="live-actions">
+          <IconButton
+            icon="fit"
+            label="Fit the view"
+            shortcut="F"
+            onClick={() => scene.current?.fit()}
+          />
           <LiveActions device={device} />
           {onStop && (
             <Button icon="stop" onClick={onStop}>
@@ -72,9 +77,11 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
         {isRunning ? (
           <CordLegend />
         ) : (
-          <p class="live-preparing" role="status">
-            <span class="spinner" aria-hidden="true" /> {status || "Waiting for the device"}
-          </p>
+          !connection.isLost.value && (
+            <p class="live-preparing" role="status">
+              <span class="spinner" aria-hidden="true" /> {status || "Waiting for the device"}
+            </p>
+          )
         )}
       </div>
       <aside class="live-side" aria-label="Values">
@@ -129,7 +136,9 @@ function LiveActions({ device }: { device: LiveDevice | null }) {
 function Numbers() {
   const facts = shownFrame.value?.facts;
   const rows: [string, string][] = [];
-  if (facts?.markerRadius != null) rows.push(["Markers, 90 %", `± ${facts.markerRadius.toFixed(1)} mm`]);
+  if (facts?.markerRadius != null) {
+    rows.push(["Markers, 90 %", `± ${facts.markerRadius.toFixed(1)} mm`]);
+  }
   if (facts?.trackingError != null) {
     rows.push(["Distance from cameras", `${facts.trackingError.toFixed(1)} mm`]);
   }

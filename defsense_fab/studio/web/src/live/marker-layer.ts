@@ -12,6 +12,11 @@ import type { NumberArray } from "../protocol/connection";
 import { ORDER } from "../scene/order";
 
 const HIDDEN_OPACITY = 0.25;
+/** Brings the depth of a marker in front of the skin that it sits on; its place stays. */
+const LIFT = /* glsl */ `
+  vec4 lifted = projectionMatrix * (mvPosition + vec4(0.0, 0.0, lift, 0.0));
+  gl_Position.z = lifted.z * gl_Position.w / lifted.w;
+`;
 
 export class MarkerLayer {
   readonly object = new Group();
@@ -21,16 +26,26 @@ export class MarkerLayer {
     new MeshBasicMaterial({ transparent: true }),
   ];
   private meshes: InstancedMesh[] = [];
+  private readonly lift = { value: 1 };
   private size = 1;
 
   constructor(shape: "ball" | "diamond") {
     this.geometry = shape === "ball" ? new SphereGeometry(1, 16, 12) : new OctahedronGeometry(1);
-    for (const material of this.materials) material.depthWrite = false;
+    for (const material of this.materials) {
+      material.depthWrite = false;
+      material.onBeforeCompile = (shader) => {
+        shader.uniforms.lift = this.lift;
+        shader.vertexShader = shader.vertexShader
+          .replace("void main()", "uniform float lift;\nvoid main()")
+          .replace("#include <project_vertex>", `#include <project_vertex>\n${LIFT}`);
+      };
+    }
   }
 
   /** Set the radius of the markers, mm. */
   setSize(size: number): void {
     this.size = size;
+    this.lift.value = 1.5 * size;
   }
 
   /** Show markers at points (m, 3), mm, each with its color. */

@@ -29,15 +29,18 @@ export interface Protocol {
     | EvaluateModel
     | ExportDevice
     | FitResponse
+    | FollowRamp
     | ForgetDevice
     | GetShape
     | GetSkin
+    | HidePose
     | InsertPoint
     | KeepPicture
     | MakeBody
     | MakeTags
     | MeasureSpecimen
     | MirrorCord
+    | MoveGrip
     | OpenDevice
     | OutlineOf
     | PartMeshes
@@ -46,6 +49,7 @@ export interface Protocol {
     | ProbePoint
     | ProcessSessions
     | Propose
+    | ProposePoses
     | RecordAnimation
     | RecordTwin
     | Redo
@@ -60,6 +64,7 @@ export interface Protocol {
     | SetField
     | SetFreedoms
     | SetParameter
+    | ShowPose
     | ShowSection
     | SimulateSpecimens
     | SmoothCord
@@ -67,10 +72,12 @@ export interface Protocol {
     | StartCheck
     | StartLive
     | StartRecording
+    | StateShape
     | StopBody
     | StopGuided
     | StopLive
     | StopNextCord
+    | StopSolving
     | TakeRest
     | TickStage
     | TrainModel
@@ -109,12 +116,17 @@ export interface Protocol {
     | Page
     | Parts
     | Pipeline
+    | PosePictures
+    | PoseShape
+    | PosesState
     | Prediction
     | ProposalProgress
+    | ProposedPoses
     | Question
     | RecentDevices
     | Reply
-    | Search;
+    | Search
+    | SimulatedStates;
   results: Results;
 }
 /**
@@ -352,6 +364,17 @@ export interface FitResponse {
   id: number;
 }
 /**
+ * Solve a pose from rest along its ramp; answered by the arrays "pose-ramp".
+ *
+ *     Its frames (f, v, 3) mm are displacements at equal shares from rest to the fact `end`. The fact
+ *     `remark` is what there is to say; `isSimulated` is whether a build simulated them.
+ */
+export interface FollowRamp {
+  kind: "follow-ramp";
+  id: number;
+  pose: string;
+}
+/**
  * Remove a device from the list; its folder is kept.
  */
 export interface ForgetDevice {
@@ -381,6 +404,13 @@ export interface GetShape {
  */
 export interface GetSkin {
   kind: "get-skin";
+  id: number;
+}
+/**
+ * Stop to follow the pose that this browser shows.
+ */
+export interface HidePose {
+  kind: "hide-pose";
   id: number;
 }
 /**
@@ -439,6 +469,26 @@ export interface MirrorCord {
   id: number;
   cord: string;
   axis: "x" | "y" | "z";
+}
+/**
+ * Move a region or a pulled point of the shown pose, and solve the pose.
+ *
+ *     Attributes:
+ *         region: The moved region; empty for a pull.
+ *         pull: Index of the pull; -1 for a region.
+ *         position: Position (3,) of the region's center or of the pull's goal, mm.
+ *         rotation: Rotation vector (3,) of the region, rad.
+ *         write: Whether the drag has ended, and the pose is written.
+ */
+export interface MoveGrip {
+  kind: "move-grip";
+  id: number;
+  pose: string;
+  region: string;
+  pull: number;
+  position: number[];
+  rotation: number[];
+  write: boolean;
 }
 /**
  * Open a device of the list, or that of the command line, in all browsers.
@@ -519,6 +569,14 @@ export interface ProcessSessions {
 export interface Propose {
   kind: "propose";
   id: number;
+}
+/**
+ * Search in the background for poses of the body that a region holds.
+ */
+export interface ProposePoses {
+  kind: "propose-poses";
+  id: number;
+  held: string;
 }
 /**
  * Start to record an animation, or stop and write it.
@@ -653,13 +711,24 @@ export interface SetParameter {
   value: number | boolean | string;
 }
 /**
+ * Solve a pose for this browser, and follow its changes until another pose is shown.
+ *
+ *     Attributes:
+ *         share: Share of the pose's ramp.
+ */
+export interface ShowPose {
+  kind: "show-pose";
+  id: number;
+  pose: string;
+  share: number;
+}
+/**
  * Cut the body with a plane.
  *
  *     The answer has the arrays `vertices` (v, 3) mm in the state, `rest` (v, 3) mm at rest,
  *     `triangles` (t, 3) and `values` (v,), NaN where unknown; and the facts `low`, `high` and `step`
- *     of the color bar, `smallest` and `largest` value of the section or null, `lowest` and `highest`
- *     offset of the plane from the body's middle that meets the body (mm), and `direction`, the ends
- *     of a line along the direction or null.
+ *     of the color bar, `smallest` and `largest` value of the section or null, and `lowest` and
+ *     `highest` offset of the plane from the body's middle that meets the body, mm.
  *
  *     Attributes:
  *         origin: Origin (3,) of the plane in the body at rest, mm.
@@ -764,6 +833,14 @@ export interface StartRecording {
   seconds: number;
 }
 /**
+ * Read a simulated state; answered by the arrays "state-shape" with displacements (v, 3) mm.
+ */
+export interface StateShape {
+  kind: "state-shape";
+  id: number;
+  state: string;
+}
+/**
  * Stop making the body, and keep the previous one.
  */
 export interface StopBody {
@@ -794,6 +871,13 @@ export interface StopNextCord {
   kind: "stop-next-cord";
   id: number;
   keepsMap: boolean;
+}
+/**
+ * Cancel the solver and keep the last shape.
+ */
+export interface StopSolving {
+  kind: "stop-solving";
+  id: number;
 }
 /**
  * Take the present readings as those of the device at rest.
@@ -2090,6 +2174,156 @@ export interface NextAction {
   stage: ("mesh" | "optimize" | "report" | "simulate") | null;
 }
 /**
+ * Whether shapes for small pictures of poses are being computed.
+ */
+export interface PosePictures {
+  kind: "pose-pictures";
+  isComputing: boolean;
+}
+/**
+ * The shape that one browser shows; its arrays "pose-shape" were sent before.
+ *
+ *     Attributes:
+ *         pose: Name of the pose.
+ *         phase: "coarse" while the fine shape follows; "checked" as a build simulates it.
+ *         share: Share of the pose's ramp that was requested.
+ *         text: What is wrong; empty for nothing. Then the last shape stays.
+ *         centers: Centers (3,) mm of moved regions, by region; none for coarse shapes.
+ */
+export interface PoseShape {
+  kind: "pose-shape";
+  pose: string;
+  phase: "canceled" | "checked" | "coarse" | "failed" | "invalid" | "not-reached" | "solved" | "solving";
+  share: number;
+  text: string;
+  centers: {
+    [k: string]: number[];
+  };
+}
+/**
+ * The regions and poses of the device.
+ *
+ *     Attributes:
+ *         mesh: Whether the body has a mesh, and whether it belongs to the present body.
+ *         size: Largest extent of the body, mm.
+ *         regions: The regions.
+ *         poses: The poses.
+ */
+export interface PosesState {
+  kind: "poses-state";
+  mesh: "current" | "missing" | "old";
+  size: number;
+  regions: RegionState[];
+  poses: PoseState[];
+}
+/**
+ * A region of the device.
+ *
+ *     Attributes:
+ *         name: Name of the region.
+ *         color: Its color, "#rrggbb".
+ *         shape: Kind of the shape.
+ *         points: Corners of a box, center of a sphere, origin and normal of a half space, or start
+ *             and end of a cylinder, each (3,), mm.
+ *         radius: Radius of a sphere or cylinder, mm; 0 otherwise.
+ *         center: Middle (3,) of its surface points, mm.
+ *         count: Number of surface points; 0 while the body has no mesh.
+ *         problems: What is wrong with it.
+ *         poses: Names of the poses that use it.
+ */
+export interface RegionState {
+  name: string;
+  color: string;
+  shape: "box" | "cylinder" | "half-space" | "sphere";
+  points: number[][];
+  radius: number;
+  center: number[];
+  count: number;
+  problems: string[];
+  poses: string[];
+}
+/**
+ * A pose of the device.
+ *
+ *     Attributes:
+ *         name: Name of the pose.
+ *         roles: What it does with each region, in the order of the regions.
+ *         handles: Regions that it moves.
+ *         pulls: Points that it pulls.
+ *         pressures: Pressures.
+ *         symmetry: Regions that stay in their plane.
+ *         gravity: Gravity (3,), in multiples of standard gravity.
+ *         picture: Digest of everything that its shape follows from.
+ *         warning: What is wrong with it, or None.
+ */
+export interface PoseState {
+  name: string;
+  roles: ("free" | "held" | "moved" | "turned")[];
+  handles: HandleState[];
+  pulls: PullState[];
+  pressures: PressureState[];
+  symmetry: SymmetryState[];
+  gravity: number[];
+  picture: string;
+  warning: PoseWarning | null;
+}
+/**
+ * A region that a pose moves.
+ *
+ *     Attributes:
+ *         region: Name of the region.
+ *         turn: How it turns.
+ *         axis: Unit axis (3,) of the rotation.
+ *         degrees: The angle; 0 where it is free.
+ *         shift: Translation (3,) mm; None in free components.
+ *         about: Pivot (3,) mm; None for the region's center.
+ *         center: Point (3,) at rest about which it turns, mm.
+ */
+export interface HandleState {
+  region: string;
+  turn: "angle" | "free" | "hinge";
+  axis: number[];
+  degrees: number;
+  shift: (number | null)[];
+  about: number[] | null;
+  center: number[];
+}
+/**
+ * A spring that pulls at a point (3,) mm by (3,) mm, with its stiffness, N/mm.
+ */
+export interface PullState {
+  at: number[];
+  by: number[];
+  stiffness: number;
+}
+/**
+ * A pressure in a region, MPa; positive pushes inward.
+ */
+export interface PressureState {
+  region: string;
+  value: number;
+}
+/**
+ * A region whose points stay in a plane with a normal (3,).
+ */
+export interface SymmetryState {
+  region: string;
+  normal: number[];
+}
+/**
+ * What is wrong with a pose as it was solved last.
+ *
+ *     Attributes:
+ *         code: Stable identifier, such as "pose-not-reached".
+ *         text: What is wrong and what to do.
+ *         share: Share of the ramp that was reached.
+ */
+export interface PoseWarning {
+  code: string;
+  text: string;
+  share: number;
+}
+/**
  * What is expected of the drawn cords and of those that were built.
  *
  *     Attributes:
@@ -2184,6 +2418,31 @@ export interface Violation {
 export interface ProposalProgress {
   kind: "proposal-progress";
   share: number | null;
+}
+/**
+ * Poses of the last search; none before a search, or for another mesh.
+ *
+ *     Attributes:
+ *         held: Region that holds the body; empty before a search.
+ *         poses: The poses.
+ *         notes: Poses that were weakened or left out, and why.
+ */
+export interface ProposedPoses {
+  kind: "proposed-poses";
+  held: string;
+  poses: ProposedPose[];
+  notes: string[];
+}
+/**
+ * A pose that follows a vibration mode.
+ *
+ *     Attributes:
+ *         name: Name that it is proposed with.
+ *         frequency: Frequency of the mode, Hz.
+ */
+export interface ProposedPose {
+  name: string;
+  frequency: number;
 }
 /**
  * The question whether the body's script may run.
@@ -2296,6 +2555,62 @@ export interface SearchedPose {
   drawn: number | null;
   best: number | null;
 }
+/**
+ * The states of the last simulation.
+ *
+ *     Attributes:
+ *         is_current: Whether they belong to the present body and poses.
+ *         levels: Shares of each pose that are simulated.
+ *         states: The states; none before the simulation.
+ *         forces: Forces of each pose; none until they are known.
+ *         warnings: Warnings of the simulation.
+ */
+export interface SimulatedStates {
+  kind: "simulated-states";
+  isCurrent: boolean;
+  levels: number[];
+  states: SimulatedState[];
+  forces: PoseForces[];
+  warnings: string[];
+}
+/**
+ * A state of the last simulation.
+ *
+ *     Attributes:
+ *         name: Name of the state, such as "bend@0.5".
+ *         weights: Amplitude of each pose.
+ *         is_held_out: Whether it is held out of the design.
+ *         problem: What the solver reports, unless it succeeded; empty if it did.
+ */
+export interface SimulatedState {
+  name: string;
+  weights: {
+    [k: string]: number;
+  };
+  isHeldOut: boolean;
+  problem: string;
+}
+/**
+ * The forces that hold the device in a pose, at its largest state.
+ */
+export interface PoseForces {
+  pose: string;
+  state: string;
+  held: HeldForce[];
+}
+/**
+ * The force at one place in the state that needs the most.
+ *
+ *     Attributes:
+ *         place: The moved region, or the point that is pulled.
+ *         push: Force along the movement, N.
+ *         torque: Moment, N m.
+ */
+export interface HeldForce {
+  place: string;
+  push: number;
+  torque: number;
+}
 export interface Results {
   "add-next-cord": CordResult;
   "add-straight": CordResult;
@@ -2319,15 +2634,18 @@ export interface Results {
   "evaluate-model": null;
   "export-device": ExportResult;
   "fit-response": null;
+  "follow-ramp": null;
   "forget-device": null;
   "get-shape": null;
   "get-skin": null;
+  "hide-pose": null;
   "insert-point": null;
   "keep-picture": null;
   "make-body": null;
   "make-tags": null;
   "measure-specimen": null;
   "mirror-cord": CordResult;
+  "move-grip": null;
   "open-device": null;
   "outline-of": PlaneOutline;
   "part-meshes": null;
@@ -2336,6 +2654,7 @@ export interface Results {
   "probe-point": PointNumbers;
   "process-sessions": null;
   propose: CordResult;
+  "propose-poses": null;
   "record-animation": AnimationResult;
   "record-twin": null;
   redo: null;
@@ -2350,6 +2669,7 @@ export interface Results {
   "set-field": null;
   "set-freedoms": null;
   "set-parameter": null;
+  "show-pose": null;
   "show-section": null;
   "simulate-specimens": null;
   "smooth-cord": null;
@@ -2357,10 +2677,12 @@ export interface Results {
   "start-check": null;
   "start-live": null;
   "start-recording": null;
+  "state-shape": null;
   "stop-body": null;
   "stop-guided": null;
   "stop-live": null;
   "stop-next-cord": null;
+  "stop-solving": null;
   "take-rest": null;
   "tick-stage": null;
   "train-model": null;

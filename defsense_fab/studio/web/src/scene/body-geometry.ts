@@ -71,6 +71,34 @@ function groupCorners(
   return group.map((_, i) => root(i));
 }
 
+/** Return the edges (e, 2) that are part of lines of at least a length; specks are left out. */
+export function longEdges(
+  vertices: Float32Array,
+  edges: Uint32Array,
+  smallest: number,
+): Uint32Array {
+  const parent = new Map<number, number>();
+  const root = (v: number): number => {
+    let top = v;
+    for (let up = parent.get(top); up !== undefined && up !== top; up = parent.get(top)) top = up;
+    parent.set(v, top);
+    return top;
+  };
+  for (let e = 0; e < edges.length; e += 2) parent.set(root(edges[e]!), root(edges[e + 1]!));
+  const lengths = new Map<number, number>();
+  for (let e = 0; e < edges.length; e += 2) {
+    const [a, b] = [3 * edges[e]!, 3 * edges[e + 1]!];
+    const length = Math.hypot(
+      vertices[a]! - vertices[b]!,
+      vertices[a + 1]! - vertices[b + 1]!,
+      vertices[a + 2]! - vertices[b + 2]!,
+    );
+    const line = root(edges[e]!);
+    lengths.set(line, (lengths.get(line) ?? 0) + length);
+  }
+  return edges.filter((_, i) => lengths.get(root(edges[i - (i % 2)]!))! >= smallest);
+}
+
 /** Write area-weighted vertex normals; nothing is allocated. */
 export function computeNormals(
   positions: Float32Array,

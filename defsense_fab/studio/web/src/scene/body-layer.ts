@@ -8,9 +8,10 @@ import {
   LineBasicMaterial,
   LineSegments,
   Mesh,
+  Vector3,
 } from "three";
 import type { NumberArray } from "../protocol/connection";
-import { computeNormals, creaseMesh } from "./body-geometry";
+import { computeNormals, creaseMesh, longEdges } from "./body-geometry";
 import { coarseIndex } from "./coarse-index";
 import { ORDER } from "./order";
 import { intersectRay, type RayHit } from "./ray";
@@ -19,6 +20,8 @@ import type { SceneColors } from "./theme";
 
 /** Bodies with fewer triangles are fast enough. */
 const MIN_COARSENED_FACES = 30_000;
+/** Length of the shortest line of edges that is drawn, as a share of the body's diagonal. */
+const SMALLEST_LINE = 0.08;
 
 export class BodyLayer {
   readonly object = new Group();
@@ -68,9 +71,9 @@ export class BodyLayer {
     this.mesh.geometry.dispose();
     this.lines.geometry.dispose();
     const geometry = new BufferGeometry();
-    const size = 3 * creased.source.length;
-    geometry.setAttribute("position", new BufferAttribute(new Float32Array(size), 3));
-    geometry.setAttribute("normal", new BufferAttribute(new Float32Array(size), 3));
+    const count = 3 * creased.source.length;
+    geometry.setAttribute("position", new BufferAttribute(new Float32Array(count), 3));
+    geometry.setAttribute("normal", new BufferAttribute(new Float32Array(count), 3));
     this.fine = new BufferAttribute(creased.faces, 1);
     this.coarse = null;
     geometry.setIndex(this.fine);
@@ -78,7 +81,8 @@ export class BodyLayer {
     this.depthMesh.geometry = geometry;
     const lines = new BufferGeometry();
     lines.setAttribute("position", new BufferAttribute(vertices, 3));
-    lines.setIndex(new BufferAttribute(edges, 1));
+    const size = this.box.setFromArray(vertices).getSize(new Vector3()).length();
+    lines.setIndex(new BufferAttribute(longEdges(vertices, edges, SMALLEST_LINE * size), 1));
     this.lines.geometry = lines;
     this.setColors(null);
     this.deform(vertices);

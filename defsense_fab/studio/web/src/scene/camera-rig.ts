@@ -16,7 +16,9 @@ const FIELD_OF_VIEW_DEG = 28;
 /** Field of view at which a perspective view is replaced by an orthographic one. */
 const SMALLEST_FIELD_DEG = 1;
 const CHANGE_MS = 320;
-const FIT_MARGIN = 1.16;
+const FIT_MARGIN = 1.1;
+/** Height at the upper edge that tools cover; the same is left free below. */
+const TOOLBAR_PX = 52;
 const FIT_STEPS = 4;
 const UP = new Vector3(0, 0, 1);
 const TO_Y_UP = new Quaternion().setFromUnitVectors(UP, new Vector3(0, 1, 0));
@@ -60,6 +62,8 @@ export class CameraRig {
   private corners: Vector3[] = [];
   private change: Change | null = null;
   private leftView: View | null = null;
+  /** Whether the view is one that shows the whole object, and not moved since. */
+  private isFitted = false;
 
   constructor(
     element: HTMLElement,
@@ -72,7 +76,10 @@ export class CameraRig {
     this.controls.zoomToCursor = true;
     this.controls.mouseButtons = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.PAN, RIGHT: MOUSE.PAN };
     this.controls.addEventListener("change", onChange);
-    this.controls.addEventListener("start", () => (this.change = null));
+    this.controls.addEventListener("start", () => {
+      this.change = null;
+      this.isFitted = false;
+    });
   }
 
   get projection(): Projection {
@@ -89,10 +96,13 @@ export class CameraRig {
   }
 
   resize(width: number, height: number): void {
-    const { height: visible } = this.view();
+    const view = this.goal();
     this.width = width;
     this.height = height;
-    this.show({ ...this.view(), height: visible });
+    if (this.isFitted) {
+      this.change = null;
+      this.show(this.fitted(view.turn, view.up, view.fieldDeg));
+    } else this.show(this.view());
   }
 
   /** Set what Fit shows: a box in the rest frame, mm. */
@@ -112,13 +122,13 @@ export class CameraRig {
   /** Show the whole object, from the present direction. */
   fit(isSmooth = true): void {
     const { turn, up, fieldDeg } = this.goal();
-    this.go(this.fitted(turn, up, fieldDeg), isSmooth);
+    this.go(this.fitted(turn, up, fieldDeg), isSmooth, true);
   }
 
   /** Show the whole object from a side. */
   look(name: ViewName, isSmooth = true): void {
     const turn = facing(upright(new Vector3(...DIRECTIONS[name])), UP);
-    this.go(this.fitted(turn, UP, this.goal().fieldDeg), isSmooth);
+    this.go(this.fitted(turn, UP, this.goal().fieldDeg), isSmooth, true);
   }
 
   /** Turn around the middle of the view, until it is seen from a direction. */
@@ -170,7 +180,7 @@ export class CameraRig {
     const [, y, normal] = axes.map((axis) => new Vector3(...(axis as [number, number, number])));
     this.controls.enableRotate = false;
     this.controls.mouseButtons.LEFT = null;
-    this.go(this.fitted(facing(normal!, y!), y!, 0), true);
+    this.go(this.fitted(facing(normal!, y!), y!, 0), true, true);
   }
 
   /** Return to the view before `face`. */
@@ -259,7 +269,8 @@ export class CameraRig {
     return this.change?.to ?? this.view();
   }
 
-  private go(to: View, isSmooth: boolean): void {
+  private go(to: View, isSmooth: boolean, isFitted = false): void {
+    this.isFitted = isFitted;
     const isInstant = !isSmooth || IS_MOTION_REDUCED.matches;
     this.change = { from: this.view(), to, start: isInstant ? -Infinity : performance.now() };
     this.onChange();
@@ -271,6 +282,7 @@ export class CameraRig {
     const isFlat = fieldDeg < SMALLEST_FIELD_DEG;
     const slope = tangent(Math.max(fieldDeg, SMALLEST_FIELD_DEG)) / FIT_MARGIN;
     const aspect = this.width / this.height;
+    const crop = this.height / Math.max(this.height - 2 * TOOLBAR_PX, this.height / 2);
     const points = this.corners.map((corner) =>
       corner.clone().sub(this.bounds.center).applyQuaternion(inverse),
     );
@@ -285,7 +297,7 @@ export class CameraRig {
       middle.x += (Math.min(...xs) + Math.max(...xs)) / 2;
       middle.y += (Math.min(...ys) + Math.max(...ys)) / 2;
       const halves = points.map(({ x, y }) =>
-        Math.max(Math.abs(y - middle.y), Math.abs(x - middle.x) / aspect),
+        Math.max(Math.abs(y - middle.y) * crop, Math.abs(x - middle.x) / aspect),
       );
       distance = Math.max(...points.map(({ z }, i) => halves[i]! / slope + z));
       height = isFlat ? 2 * FIT_MARGIN * Math.max(...halves) : 2 * distance * tangent(fieldDeg);

@@ -16,8 +16,6 @@ export interface PickerEvents {
 
 export class Picker {
   isEnabled = true;
-  /** Whether hovers over the body are reported, as those over cords always are. */
-  hoversBody = false;
   private events: PickerEvents | null = null;
   private press: { x: number; y: number; button: number } | null = null;
   private readonly stop = new AbortController();
@@ -92,8 +90,7 @@ export class Picker {
   private readonly onMove = (event: PointerEvent): void => {
     if (!this.isEnabled || event.buttons !== 0 || event.pointerType === "touch") return;
     const [x, y] = this.viewer.local(event);
-    const cord = this.pickCord(x, y, MOUSE_TOLERANCE_PX);
-    this.hover(cord ?? (this.hoversBody ? this.pickBody(x, y) : null));
+    this.hover(this.pickCord(x, y, MOUSE_TOLERANCE_PX));
   };
 
   private readonly onUp = (event: PointerEvent): void => {

@@ -29,11 +29,6 @@ export class Resolution {
     return this.isMoving && this.isHeavy;
   }
 
-  /** Average time between frames while something moves, ms. */
-  get frameMs(): number {
-    return this.average;
-  }
-
   /** Record a frame; adapt the resolution of moving pictures. */
   record(now: number): void {
     const gap = now - this.last;

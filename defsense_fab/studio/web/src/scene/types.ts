@@ -1,11 +1,5 @@
 // What the scene shares with the rest of the page.
 
-/** A thing that can be selected or hovered. */
-export interface SceneItem {
-  kind: "cord" | "pose" | "region" | "part";
-  name: string;
-}
-
 /** What lies under the pointer. */
 export interface Pick {
   kind: "cord" | "body";

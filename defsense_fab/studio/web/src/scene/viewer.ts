@@ -1,5 +1,6 @@
 // The scene: it renders only when something has changed, and owns camera, layers and overlay.
 import {
+  Box3,
   type Color,
   LinearSRGBColorSpace,
   Mesh,
@@ -54,7 +55,8 @@ export class Viewer {
   private readonly projected = new Vector3();
   private frame = 0;
   private stillTimer = 0;
-  private hasBody = false;
+  /** What the camera was fitted to. */
+  private shown: "nothing" | "cords" | "body" = "nothing";
   private isMoving = false;
 
   constructor(private readonly host: HTMLElement) {
@@ -83,7 +85,7 @@ export class Viewer {
       () => this.onBodyShape(),
     );
     this.cords = new CordLayer(
-      () => this.refresh(),
+      () => this.onCordChange(),
       () => this.invalidate(),
     );
     this.background.frustumCulled = false;
@@ -219,9 +221,19 @@ export class Viewer {
   private onBodyShape(): void {
     this.shadow.isStale = true;
     this.rig.setBounds(this.body.box);
-    if (!this.hasBody) this.rig.look("home", false);
-    this.hasBody = true;
+    if (this.shown !== "body") this.rig.look("home", false);
+    this.shown = "body";
     this.invalidate();
+  }
+
+  private onCordChange(): void {
+    const points = this.cords.cords.flatMap(({ path }) => path);
+    if (this.shown === "nothing" && points.length > 0) {
+      this.rig.setBounds(new Box3().setFromArray(points.flat()));
+      this.rig.look("home", false);
+      this.shown = "cords";
+    }
+    this.refresh();
   }
 
   private resize(): void {

@@ -1,6 +1,8 @@
+import { runCommand } from "../commands";
 import type { CordState } from "../protocol/messages";
 import { connection, device, violationsByCord } from "../state/connection";
 import { isDrawerOpen, isPhone } from "../state/layout";
+import { posePictures } from "../state/pose-pictures";
 import { renaming } from "../state/renaming";
 import { run } from "../state/run";
 import {
@@ -23,6 +25,8 @@ import type { IconName } from "../ui/icons";
 import { commandEntry, openContextMenuFor } from "../ui/menu";
 import { Tree, type TreeNode } from "../ui/tree";
 import { cordMenu, deleteCords, isLocked, setLocked } from "./cord-commands";
+
+const posesState = connection.event("poses-state");
 
 /** The tree of all that the device consists of. */
 export function LeftPanel() {
@@ -60,11 +64,7 @@ function nodes(): TreeNode[] {
   return [
     { ...itemNode(BODY, "make"), label: "Body", buttons: [eye(BODY, "body")] },
     group("regions", "Regions", regions.map(regionNode)),
-    group(
-      "poses",
-      "Poses",
-      poses.map((name) => itemNode({ kind: "pose", name }, "pose")),
-    ),
+    group("poses", "Poses", poses.map(poseNode)),
     group("cords", sensors, cords.map(cordNode)),
     ...partNodes(),
   ];
@@ -100,7 +100,10 @@ function itemNode(item: Item, icon: IconName): TreeNode {
       const label = `Open in ${STEP_LABELS[home]}`;
       openContextMenuFor(event, `Actions for ${item.name}`, [
         { id: "open", label, icon: "arrowRight", run: open },
+        ...commandEntry(`${item.kind}.rename`, "pencil"),
+        ...commandEntry(`${item.kind}.duplicate`, "copy"),
         ...(item.kind === "pose" ? [] : commandEntry("hide", "eye")),
+        ...commandEntry(`${item.kind}.delete`, "trash", true),
       ]);
     },
   };
@@ -108,7 +111,36 @@ function itemNode(item: Item, icon: IconName): TreeNode {
 
 function regionNode(name: string): TreeNode {
   const item: Item = { kind: "region", name };
-  return { ...itemNode(item, "region"), buttons: [eye(item, name)] };
+  const found = posesState.value?.regions.find((region) => region.name === name);
+  return {
+    ...itemNode(item, "region"),
+    color: found?.color,
+    problem: found?.problems.join(" ") || undefined,
+    buttons: [eye(item, name)],
+    onRename: (to) => void rename(item, to, connection.send("rename-region", { region: name, name: to })),
+    onDelete: () => deleteSelected(item),
+  };
+}
+
+function poseNode(name: string): TreeNode {
+  const item: Item = { kind: "pose", name };
+  const found = posesState.value?.poses.find((pose) => pose.name === name);
+  return {
+    ...itemNode(item, "pose"),
+    picture: posePictures.value.get(name),
+    problem: found?.warning?.text,
+    onRename: (to) => void rename(item, to, connection.send("rename-pose", { pose: name, name: to })),
+    onDelete: () => deleteSelected(item),
+  };
+}
+
+function deleteSelected(item: Item): void {
+  if (!isSelected(item)) select(item);
+  runCommand(`${item.kind}.delete`);
+}
+
+async function rename(item: Item, name: string, request: Promise<unknown>): Promise<void> {
+  if ((await run(request)) !== undefined) followRename(item, name);
 }
 
 function eye(item: Item, label: string) {

@@ -9,6 +9,7 @@ export function doNext(): void {
   if (!next || (next.stage && isJobActive.value)) return;
   enterStep(next.step);
   if (next.stage) void run(connection.send("start-build", { stage: next.stage }));
+  else if (next.step === "body") void run(connection.send("make-body", {}));
 }
 
 /** The button of the next action. */

@@ -41,7 +41,9 @@ function take(shown: Viewer): void {
   const scale = Math.max(WIDTH / source.width, HEIGHT / source.height);
   const [width, height] = [source.width * scale, source.height * scale];
   const context = canvas.getContext("2d");
-  context?.drawImage(source, (WIDTH - width) / 2, (HEIGHT - height) / 2, width, height);
+  if (!context) return;
+  context.imageSmoothingQuality = "high";
+  context.drawImage(source, (WIDTH - width) / 2, (HEIGHT - height) / 2, width, height);
   const picture = canvas.toDataURL("image/webp", 0.85);
   // A picture that is not kept is no loss.
   connection.send("keep-picture", { picture }).catch(() => undefined);

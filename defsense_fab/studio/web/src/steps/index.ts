@@ -5,6 +5,7 @@ import "./inside";
 import "./make";
 import "./measure";
 import "./optimize";
+import "./poses";
 import { registerStep, stepPanels } from "./registry";
 import "./sensors";
 import { StepOverview } from "./step-overview";

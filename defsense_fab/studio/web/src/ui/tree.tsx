@@ -11,6 +11,8 @@ export interface TreeNode {
   id: string;
   label: string;
   icon?: IconName;
+  /** Address of a small picture, in place of an icon. */
+  picture?: string;
   /** Color of a swatch, in place of an icon. */
   color?: string;
   /** Number at the right of a group. */
@@ -196,7 +198,9 @@ function TreeRow({ node, level, isActive, isRenaming, onActive, onRenamed }: Tre
           <Icon name="chevronRight" size={14} />
         </span>
       )}
-      {node.color ? (
+      {node.picture ? (
+        <img class="tree-picture" src={node.picture} alt="" draggable={false} />
+      ) : node.color ? (
         <span class="swatch" style={{ background: node.color }} />
       ) : (
         node.icon && <Icon name={node.icon} />

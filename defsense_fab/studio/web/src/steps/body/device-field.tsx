@@ -17,26 +17,25 @@ export function DeviceFieldRow({ field }: { field: DeviceField }) {
   const { key, label, canReset } = field;
   const fallback = defaultText(field);
   return (
-    <div class="field-row">
+    <div class={`field-row ${canReset ? "set" : ""}`}>
       <Control field={field} />
-      <span class="field-buttons">
-        {canReset && (
-          <IconButton
-            icon="undo"
-            label={`Reset ${label}${fallback && ` to ${fallback}`}`}
-            onClick={() => void run(connection.send("reset-field", { key }))}
-          />
-        )}
-        <Popover label={`About ${label}`}>
-          <div class="field-about">
-            <p>{field.description}</p>
-            {fallback && <p>Default: {fallback}.</p>}
-            <p>
-              <code>{key}</code> in device.toml
-            </p>
-          </div>
-        </Popover>
-      </span>
+      <Popover label={`About ${label}`}>
+        <div class="field-about">
+          <p>{field.description}</p>
+          {fallback && <p>Default: {fallback}.</p>}
+          <p>
+            <code>{key}</code> in device.toml
+          </p>
+        </div>
+      </Popover>
+      {canReset && (
+        <IconButton
+          icon="undo"
+          class="reset"
+          label={`Reset ${label}${fallback && ` to ${fallback}`}`}
+          onClick={() => void run(connection.send("reset-field", { key }))}
+        />
+      )}
     </div>
   );
 }

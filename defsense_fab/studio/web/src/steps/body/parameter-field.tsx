@@ -15,19 +15,18 @@ const REST_MS = 400;
 /** The field of a parameter of the script; one that is set can be reset to the script's default. */
 export function ParameterField({ parameter }: { parameter: Parameter }) {
   const { name, isSet, unit } = parameter;
-  const defaultText = inWords(parameter.default, unit);
+  const canReset = isSet && parameter.default !== null && parameter.value !== parameter.default;
   return (
-    <div class="field-row parameters">
+    <div class={`field-row parameters ${canReset ? "set" : ""}`}>
       <Control parameter={parameter} />
-      <span class="field-buttons">
-        {isSet && parameter.default !== null && parameter.value !== parameter.default && (
-          <IconButton
-            icon="undo"
-            label={`Reset ${name} to ${defaultText}`}
-            onClick={() => void run(connection.send("reset-parameter", { name }))}
-          />
-        )}
-      </span>
+      {canReset && (
+        <IconButton
+          icon="undo"
+          class="reset"
+          label={`Reset ${name} to ${inWords(parameter.default, unit)}`}
+          onClick={() => void run(connection.send("reset-parameter", { name }))}
+        />
+      )}
     </div>
   );
 }

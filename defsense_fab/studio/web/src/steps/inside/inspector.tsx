@@ -47,7 +47,6 @@ function NotSimulated({ text }: { text: string }) {
       action={
         hasPoses ? (
           <Button
-            variant="primary"
             hint="Compute the deformation of each pose with finite elements"
             isBusy={isJobActive.value}
             onClick={simulate}

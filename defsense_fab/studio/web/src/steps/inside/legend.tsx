@@ -82,7 +82,7 @@ function ColorBar({ scale, section, hovered }: ColorBarProps) {
   const margin = BEYOND * (high - low);
   const percent = (value: number) => `${100 * scale.shareOf(value)}%`;
   return (
-    <div class="color-bar" style={{ width: `${BAR.width}px` }}>
+    <div class="section-bar" style={{ width: `${BAR.width}px` }}>
       <canvas ref={canvas} width={BAR.width} height={1} style={{ height: `${BAR.height}px` }} />
       {hovered !== undefined && !Number.isNaN(hovered) && (
         <span class="bar-marker" style={{ left: percent(hovered) }} />

@@ -60,8 +60,6 @@ export class SectionView {
   readonly problem = signal("");
   readonly hover = signal<ProbedPoint | null>(null);
   readonly picked = signal<PointNumbers | null>(null);
-  /** Time from the last move of the plane to its section, ms. */
-  readonly delayMs = signal(0);
 
   readonly info = computed<QuantityInfo | null>(
     () => inside.value?.quantities.find(({ name }) => name === this.quantity.value) ?? null,
@@ -76,7 +74,6 @@ export class SectionView {
   private restTimer = 0;
   private revision = -1;
   private isDragged = false;
-  private requestedAt = 0;
 
   /**
    * @param start - Sets what is shown first after a simulation.
@@ -173,7 +170,6 @@ export class SectionView {
   private request(content: Content | null): void {
     clearTimeout(this.restTimer);
     if (!content) return;
-    this.requestedAt = performance.now();
     this.picked.value = null;
     this.load({ ...content, detail: "coarse" });
     this.restTimer = window.setTimeout(() => this.load(content), this.isDragged ? DRAG_REST_MS : REST_MS);
@@ -219,7 +215,6 @@ export class SectionView {
         smallest: facts["smallest"],
         largest: facts["largest"],
       };
-      if (isCoarse) this.delayMs.value = performance.now() - this.requestedAt;
     });
   }
 

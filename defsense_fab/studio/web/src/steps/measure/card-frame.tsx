@@ -2,6 +2,7 @@ import type { ComponentChildren } from "preact";
 import type { Problem, TaskStatus } from "../../protocol/messages";
 import { GuidedScreen } from "../../live/guided-screen";
 import { Icon } from "../../ui/icons";
+import type { CardRequest } from "./request";
 import { type CardName, CARD_LABELS, guided, status } from "./state";
 
 interface CardFrameProps {
@@ -26,8 +27,18 @@ export function CardFrame({ name, lead, children }: CardFrameProps) {
   );
 }
 
-/** What a task does, or how it ended. */
-export function TaskMessage({ task }: { task: TaskStatus | undefined }) {
+interface CardMessageProps {
+  request: CardRequest;
+  task: TaskStatus | undefined;
+}
+
+/** Why the last request was refused; else what the task does, or how it ended. */
+export function CardMessage({ request, task }: CardMessageProps) {
+  const refused = request.problem.value;
+  return refused ? <ProblemMessage problem={refused} /> : <TaskMessage task={task} />;
+}
+
+function TaskMessage({ task }: { task: TaskStatus | undefined }) {
   if (task?.problem) return <ProblemMessage problem={task.problem} />;
   if (!task?.text) return null;
   return (

@@ -6,7 +6,7 @@ import { Checkbox } from "../../ui/choices";
 import { Icon } from "../../ui/icons";
 import { SelectField } from "../../ui/select-field";
 import { Table } from "../../ui/table";
-import { CardFrame, ProblemMessage, TaskMessage, Warning } from "./card-frame";
+import { CardFrame, CardMessage, Warning } from "./card-frame";
 import { PortField, portOf, TWIN_PORT } from "./port-field";
 import { useRequest } from "./request";
 import { choices, isGuidedOpen, results, status } from "./state";
@@ -55,8 +55,16 @@ export function CheckCard() {
         />
       </div>
       <div class="card-checks">
-        <Checkbox label="Move each wire, to find loose contacts" isOn={hasWiggle.value} onChange={(on) => (hasWiggle.value = on)} />
-        <Checkbox label="Hold poses, if only they tell wires apart" isOn={hasPoses.value} onChange={(on) => (hasPoses.value = on)} />
+        <Checkbox
+          label="Move each wire, to find loose contacts"
+          isOn={hasWiggle.value}
+          onChange={(on) => (hasWiggle.value = on)}
+        />
+        <Checkbox
+          label="Hold poses, if only they tell wires apart"
+          isOn={hasPoses.value}
+          onChange={(on) => (hasPoses.value = on)}
+        />
       </div>
       <div class="card-actions">
         <Button
@@ -70,8 +78,7 @@ export function CheckCard() {
           Start the check
         </Button>
       </div>
-      {request.problem.value && <ProblemMessage problem={request.problem.value} />}
-      <TaskMessage task={task} />
+      <CardMessage request={request} task={task} />
       {result && <CheckTable result={result} />}
     </CardFrame>
   );
@@ -88,7 +95,9 @@ function FaultField() {
       { value: `loose=${first}`, label: `Contact of ${first} loose` },
     );
   }
-  if (first && second) list.push({ value: `swap=${first}+${second}`, label: `${first} and ${second} exchanged` });
+  if (first && second) {
+    list.push({ value: `swap=${first}+${second}`, label: `${first} and ${second} exchanged` });
+  }
   return (
     <SelectField
       label="Simulated fault"
@@ -119,7 +128,7 @@ function CheckTable({ result }: { result: CheckResult }) {
         columns={[
           { title: "Pin", cell: ({ channel }) => `A${channel}` },
           { title: "Cord", cell: ({ cord }) => cord },
-          { title: "State", cell: ({ code }) => <span class={`code ${code}`}>{code}</span> },
+          { title: "State", cell: ({ code }) => <span class={`finding-code ${code}`}>{code}</span> },
           {
             title: "What to do",
             cell: ({ text, action }) => (
@@ -131,7 +140,8 @@ function CheckTable({ result }: { result: CheckResult }) {
         ]}
       />
       <p class="card-note">
-        {result.port}, {result.rate.toFixed(0)} readings per second, {result.averages} conversions each; reference{" "}
+        {result.port}, {result.rate.toFixed(0)} readings per second, {result.averages} conversions
+        each; reference{" "}
         {[...new Set(result.reference)].map((ohm) => `${ohm.toFixed(0)} ohm`).join(", ")}
       </p>
       {result.notes.map((note) => (

@@ -5,7 +5,7 @@ import { Button } from "../../ui/button";
 import { Checkbox } from "../../ui/choices";
 import { EmptyState } from "../../ui/feedback";
 import { SelectField } from "../../ui/select-field";
-import { CardFrame, ProblemMessage, TaskMessage, Warning } from "./card-frame";
+import { CardFrame, CardMessage, Warning } from "./card-frame";
 import { PortField, portOf, TWIN_PORT } from "./port-field";
 import { useRequest } from "./request";
 import { card, choices, isLiveShown, status } from "./state";
@@ -81,7 +81,11 @@ function LiveForm({ models }: { models: readonly ModelChoice[] }) {
       </div>
       <div class="card-checks">
         {choices.value?.hasLiveFile && (
-          <Checkbox label="Also send the outputs of live.toml" isOn={usesFile.value} onChange={(on) => (usesFile.value = on)} />
+          <Checkbox
+            label="Also send the outputs of live.toml"
+            isOn={usesFile.value}
+            onChange={(on) => (usesFile.value = on)}
+          />
         )}
         <Checkbox
           label="Keep the readings, in the folder live"
@@ -105,13 +109,18 @@ function LiveForm({ models }: { models: readonly ModelChoice[] }) {
             </Button>
           </>
         ) : (
-          <Button variant="primary" icon="play" disabled={Boolean(chosen.problem)} hint={chosen.problem || undefined} onClick={() => void start()}>
+          <Button
+            variant="primary"
+            icon="play"
+            disabled={Boolean(chosen.problem)}
+            hint={chosen.problem || undefined}
+            onClick={() => void start()}
+          >
             Start
           </Button>
         )}
       </div>
-      {request.problem.value && <ProblemMessage problem={request.problem.value} />}
-      <TaskMessage task={task} />
+      <CardMessage request={request} task={task} />
     </>
   );
 }

@@ -10,14 +10,21 @@ export function LiveWindow() {
   const task = status.value?.live;
   useLayoutEffect(() => {
     const focused = document.activeElement;
-    dialog.current!.showModal();
+    const element = dialog.current!;
+    element.showModal();
     return () => {
-      if (focused instanceof HTMLElement && focused.isConnected) focused.focus();
+      element.close();
+      // The button that started the run has been replaced by the one that shows it.
+      const target = focused?.isConnected && focused !== document.body ? focused : null;
+      const shown = target ?? document.querySelector(".measure-card .button.primary");
+      if (shown instanceof HTMLElement) shown.focus();
     };
   }, []);
+  const wasRunning = useRef(false); // the answer to the start may come before the status
   useEffect(() => {
-    if (task && task.state === "idle") isLiveShown.value = false; // its end is shown in the card
-  }, [task?.state]);
+    if (task?.state !== "idle") wasRunning.current = true;
+    else if (wasRunning.current || task.problem) isLiveShown.value = false; // the card shows its end
+  }, [task]);
   const close = () => (isLiveShown.value = false);
   return (
     <dialog

@@ -71,7 +71,7 @@ function summary(name: CardName, task: TaskStatus | undefined): { text: string; 
       return { text: choices.value?.models.length ? "Ready" : "Needs a model", mark: "open" };
     case "specimen":
       return response
-        ? { text: `k = ${response.kRes.toFixed(2)}`, mark: "done" }
+        ? { text: `Response k = ${response.kRes.toFixed(2)}`, mark: "done" }
         : { text: "The data sheet is used", mark: "open" };
   }
 }

@@ -4,7 +4,7 @@ import { Button } from "../../ui/button";
 import { SegmentedControl } from "../../ui/choices";
 import { NumberField } from "../../ui/number-field";
 import { SelectField } from "../../ui/select-field";
-import { CardFrame, ProblemMessage, TaskMessage, Warning } from "./card-frame";
+import { CardFrame, CardMessage, ProblemMessage, Warning } from "./card-frame";
 import { PortField, portOf, TWIN_PORT } from "./port-field";
 import { useRequest } from "./request";
 import { card, choices, isGuidedOpen, status } from "./state";
@@ -64,10 +64,38 @@ function TwinForm() {
   return (
     <>
       <div class="card-fields">
-        <NumberField label="Duration" unit="min" value={minutes.value} min={0.2} max={1440} layout="stack" onCommit={(value) => void (minutes.value = value)} />
-        <NumberField label="Built unit" value={unit.value} min={0} layout="stack" help="Its tolerances and pieces of cord" onCommit={(value) => void (unit.value = value)} />
-        <NumberField label="Seed" value={shownSeed} min={0} layout="stack" help="Of the hand's path" onCommit={(value) => void (seed.value = value)} />
-        <SelectField label="Memory of the cords" layout="stack" value={cords.value} choices={CORD_FAMILIES} onCommit={(value) => void (cords.value = value)} />
+        <NumberField
+          label="Duration"
+          unit="min"
+          value={minutes.value}
+          min={0.2}
+          max={1440}
+          layout="stack"
+          onCommit={(value) => void (minutes.value = value)}
+        />
+        <NumberField
+          label="Built unit"
+          value={unit.value}
+          min={0}
+          layout="stack"
+          help="Its tolerances and pieces of cord"
+          onCommit={(value) => void (unit.value = value)}
+        />
+        <NumberField
+          label="Seed"
+          value={shownSeed}
+          min={0}
+          layout="stack"
+          help="Of the hand's path"
+          onCommit={(value) => void (seed.value = value)}
+        />
+        <SelectField
+          label="Memory of the cords"
+          layout="stack"
+          value={cords.value}
+          choices={CORD_FAMILIES}
+          onCommit={(value) => void (cords.value = value)}
+        />
       </div>
       <div class="card-actions">
         <Button
@@ -82,8 +110,7 @@ function TwinForm() {
         </Button>
         <NextCard code="twin-recorded" label="Train on it" />
       </div>
-      {request.problem.value && <ProblemMessage problem={request.problem.value} />}
-      <TaskMessage task={task} />
+      <CardMessage request={request} task={task} />
     </>
   );
 }
@@ -128,9 +155,29 @@ function DeviceForm() {
             help={choices.value?.hasCalibration ? "File in the device's folder" : "There is no cameras.toml yet: run defsense capture camera"}
           />
         )}
-        <TextInput label="Session" value={name} onInput={(text) => (session.value = text)} help="Folder of the session; a stopped one is resumed" />
-        <NumberField label="Rounds" value={rounds.value} min={1} max={100} layout="stack" onCommit={(value) => void (rounds.value = value)} />
-        <NumberField label="Time per pose" unit="s" value={seconds.value} min={1} max={600} layout="stack" onCommit={(value) => void (seconds.value = value)} />
+        <TextInput
+          label="Session"
+          value={name}
+          onInput={(text) => (session.value = text)}
+          help="Folder of the session; a stopped one is resumed"
+        />
+        <NumberField
+          label="Rounds"
+          value={rounds.value}
+          min={1}
+          max={100}
+          layout="stack"
+          onCommit={(value) => void (rounds.value = value)}
+        />
+        <NumberField
+          label="Time per pose"
+          unit="s"
+          value={seconds.value}
+          min={1}
+          max={600}
+          layout="stack"
+          onCommit={(value) => void (seconds.value = value)}
+        />
       </div>
       <div class="card-actions">
         <Button
@@ -145,8 +192,7 @@ function DeviceForm() {
         </Button>
         <NextCard code="recording-complete" label="Process and train" />
       </div>
-      {request.problem.value && <ProblemMessage problem={request.problem.value} />}
-      <TaskMessage task={task} />
+      <CardMessage request={request} task={task} />
     </>
   );
 }
@@ -157,7 +203,10 @@ function MissingTags() {
     <>
       <Warning>
         Cameras see the device by printed tags, which have no places yet.{" "}
-        <Button disabled={isJobActive.value} onClick={() => void request.send(connection.send("make-tags", {}))}>
+        <Button
+          disabled={isJobActive.value}
+          onClick={() => void request.send(connection.send("make-tags", {}))}
+        >
           Make the tags
         </Button>
       </Warning>

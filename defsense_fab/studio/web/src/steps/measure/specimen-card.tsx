@@ -2,7 +2,7 @@ import { signal } from "@preact/signals";
 import type { ResponseResult } from "../../protocol/messages";
 import { connection, isJobActive } from "../../state/connection";
 import { Button } from "../../ui/button";
-import { CardFrame, ProblemMessage, TaskMessage, Warning } from "./card-frame";
+import { CardFrame, CardMessage, Warning } from "./card-frame";
 import { PortField, portOf } from "./port-field";
 import { type CardRequest, useRequest } from "./request";
 import { choices, isGuidedOpen, results, status } from "./state";
@@ -69,8 +69,7 @@ export function SpecimenCard() {
         </Button>
       </div>
       <p class="card-note">{used.length > 0 ? `Sessions: ${used.join(", ")}` : "No sessions on specimens yet."}</p>
-      {request.problem.value && <ProblemMessage problem={request.problem.value} />}
-      <TaskMessage task={status.value?.specimen} />
+      <CardMessage request={request} task={status.value?.specimen} />
       {response && <Response response={response} request={request} />}
     </CardFrame>
   );
@@ -86,7 +85,7 @@ function Response({ response, request }: { response: ResponseResult; request: Ca
       )}
       <h3>
         Response of the cord
-        <span class="headline">
+        <span class="card-headline">
           k = {response.kRes.toFixed(2)} ({low!.toFixed(2)} to {high!.toFixed(2)})
         </span>
       </h3>

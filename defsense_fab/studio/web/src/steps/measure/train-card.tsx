@@ -5,7 +5,7 @@ import { Checkbox } from "../../ui/choices";
 import { EmptyState } from "../../ui/feedback";
 import { Icon } from "../../ui/icons";
 import { Table } from "../../ui/table";
-import { CardFrame, ProblemMessage, TaskMessage, Warning } from "./card-frame";
+import { CardFrame, CardMessage, Warning } from "./card-frame";
 import { type CardRequest, useRequest } from "./request";
 import {
   card,
@@ -28,8 +28,7 @@ export function TrainCard() {
     >
       <Sessions />
       <Actions request={request} />
-      {request.problem.value && <ProblemMessage problem={request.problem.value} />}
-      <TaskMessage task={status.value?.train} />
+      <CardMessage request={request} task={status.value?.train} />
       {training && <TrainingTable result={training} />}
       {evaluation && <EvaluationTable result={evaluation} />}
     </CardFrame>
@@ -66,8 +65,13 @@ function Session({ session: { name, summary, problem, isRaw } }: { session: Sess
     chosenSessions.value = next;
   };
   return (
-    <div class="session">
-      <Checkbox label={name} isOn={chosen.includes(name)} disabled={Boolean(problem)} onChange={toggle} />
+    <div class="session-row">
+      <Checkbox
+        label={name}
+        isOn={chosen.includes(name)}
+        disabled={Boolean(problem)}
+        onChange={toggle}
+      />
       <span class={problem ? "session-problem" : "session-summary"}>
         {isRaw ? "Not processed yet" : problem || summary}
       </span>
@@ -128,7 +132,7 @@ function TrainingTable({ result }: { result: TrainingResult }) {
       <h3>
         {result.model}
         {chosen && (
-          <span class="headline">
+          <span class="card-headline">
             {(chosen.test ?? chosen.folds).toFixed(2)} mm {chosen.test === null ? "in the folds" : "in the test"}
           </span>
         )}
@@ -180,7 +184,7 @@ function EvaluationTable({ result }: { result: EvaluationResult }) {
     <section class="card-result" aria-label="Evaluation">
       <h3>
         Evaluation
-        <span class="headline">{result.rmse.toFixed(2)} mm</span>
+        <span class="card-headline">{result.rmse.toFixed(2)} mm</span>
       </h3>
       <Table
         caption="Errors of the model, mm"

@@ -24,9 +24,9 @@ export function ErrorBar({ error, scale }: ErrorBarProps) {
   return (
     <div class="error-bar">
       <span class="bar-track">
-        <span class="bar-fill" style={{ width: `${100 * share}%` }} />
+        <span class="error-fill" style={{ width: `${100 * share}%` }} />
       </span>
-      <span class="bar-value">{error.toFixed(2)} mm</span>
+      <span class="signal-value">{error.toFixed(2)} mm</span>
     </div>
   );
 }
@@ -49,7 +49,7 @@ export function SignalBar({ signal, scale }: SignalBarProps) {
           style={{ left: `${left}%`, width: `${width}%` }}
         />
       </span>
-      <span class="bar-value">{percent(signal)}</span>
+      <span class="signal-value">{percent(signal)}</span>
     </div>
   );
 }

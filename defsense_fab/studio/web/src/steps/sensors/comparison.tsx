@@ -80,7 +80,7 @@ function Result({ result }: { result: Comparison }) {
           },
         ]}
       />
-      <dl class="numbers">
+      <dl class="cord-numbers">
         <div>
           <dt>Error with both</dt>
           <dd>{result.error.toFixed(2)} mm</dd>

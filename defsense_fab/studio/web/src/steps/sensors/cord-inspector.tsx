@@ -89,7 +89,7 @@ function Numbers({ numbers, violations }: { numbers: CordNumbers; violations: Vi
   const others = violations.filter(({ code }) => !codes.includes(code));
   return (
     <Section title="Numbers" name="cord-numbers">
-      <dl class="numbers">
+      <dl class="cord-numbers">
         {rows.map(([label, value, ofRow]) => {
           const broken = violations.filter(({ code }) => ofRow.includes(code));
           return (

@@ -4,7 +4,6 @@ import type { Judgement } from "../../protocol/messages";
 import { NextButton } from "../../shell/next-button";
 import { device, prediction } from "../../state/connection";
 import { hovered, isSame, isSelected, select } from "../../state/selection";
-import { EmptyState } from "../../ui/feedback";
 import { Icon } from "../../ui/icons";
 import { tooltip } from "../../ui/tooltip";
 import { ErrorBar, roundUp, SignalBar } from "./bars";
@@ -19,7 +18,13 @@ export function PredictionPanel() {
   const shown = judgement.value;
   if (!state) return null;
   if (!state.isReady && !shown) {
-    return <EmptyState icon="measure" text={state.text} action={<NextButton variant="plain" />} />;
+    return (
+      <div class="prediction-empty">
+        <Icon name="measure" />
+        <p>{state.text}</p>
+        <NextButton variant="plain" />
+      </div>
+    );
   }
   return (
     <div class="prediction" aria-busy={state.isComputing}>

@@ -5,6 +5,7 @@ import { viewer } from "../../scene/stage";
 import { connection, device, prediction } from "../../state/connection";
 import { run } from "../../state/run";
 import { select, selectedNames } from "../../state/selection";
+import { showToast } from "../../state/toasts";
 import { type MenuEntry, commandEntry, openContextMenu } from "../../ui/menu";
 import { planeAcross } from "./planes";
 import {
@@ -26,7 +27,10 @@ async function add(request: Promise<{ name: string } | null>): Promise<void> {
 export function startDrawing(isNewPath = false): void {
   const cord = selectedCord.peek();
   const box = viewer.peek()?.body.box;
-  if (!box || box.isEmpty()) return;
+  if (!box || box.isEmpty()) {
+    showToast("Make the body before you draw in it", null, true);
+    return;
+  }
   isRedrawing.value = isNewPath && cord !== null;
   if (cord?.isPlanar) {
     drawingFrame.value = { origin: cord.origin, axes: cord.axes };

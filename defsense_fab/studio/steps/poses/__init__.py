@@ -1,0 +1,1 @@
+"""The step Poses: regions, poses that hold and move them, and their shapes."""

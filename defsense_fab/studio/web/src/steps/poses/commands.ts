@@ -1,0 +1,228 @@
+// Commands on the selected poses and regions; menus of the tree and of the scene list them.
+import { type Command, registerCommands } from "../../commands";
+import type { RegionState } from "../../protocol/messages";
+import { connection } from "../../state/connection";
+import { isLeftPanelOpen } from "../../state/layout";
+import { renaming } from "../../state/renaming";
+import { run } from "../../state/run";
+import { followRename, select, selection } from "../../state/selection";
+import { enterStep, step } from "../../state/step";
+import { showToast } from "../../state/toasts";
+import { type MenuEntry, commandEntry } from "../../ui/menu";
+import { playRamp } from "./ramp";
+import { turnChosen } from "./pose-gizmo";
+import { startRectangle } from "./rectangle";
+import { grip, isMeshed, sceneTool, selectedPoses, selectedRegions, shownPose } from "./state";
+
+export type ShapeKind = RegionState["shape"];
+
+export const SHAPES: readonly { value: ShapeKind; label: string }[] = [
+  { value: "box", label: "Box" },
+  { value: "sphere", label: "Sphere" },
+  { value: "half-space", label: "Half space" },
+  { value: "cylinder", label: "Cylinder" },
+];
+
+const undo = { label: "Undo", run: () => void run(connection.send("undo", {})) };
+
+export async function addPose(): Promise<void> {
+  const added = await run(connection.send("add-pose", {}));
+  if (!added) return;
+  enterStep("poses");
+  select({ kind: "pose", name: added.name });
+}
+
+export async function addRegion(shape: ShapeKind): Promise<void> {
+  const added = await run(connection.send("add-region", { shape, points: null, radius: 0 }));
+  if (!added) return;
+  enterStep("poses");
+  select({ kind: "region", name: added.name });
+}
+
+export async function renamePose(pose: string, name: string): Promise<void> {
+  const answer = await run(connection.send("rename-pose", { pose, name }));
+  if (answer !== undefined) followRename({ kind: "pose", name: pose }, name);
+}
+
+export async function renameRegion(region: string, name: string): Promise<void> {
+  const answer = await run(connection.send("rename-region", { region, name }));
+  if (answer !== undefined) followRename({ kind: "region", name: region }, name);
+}
+
+export async function deletePoses(poses: string[]): Promise<void> {
+  const answer = await run(connection.send("delete-poses", { poses }));
+  if (answer !== undefined) showToast(deletedText(poses, "poses"), undo);
+}
+
+export async function deleteRegions(names: string[]): Promise<void> {
+  const answer = await run(connection.send("delete-regions", { regions: names }));
+  if (answer !== undefined) showToast(deletedText(names, "regions"), undo);
+}
+
+function deletedText(names: string[], plural: string): string {
+  return `Deleted ${names.length === 1 ? names[0] : `${names.length} ${plural}`}`;
+}
+
+async function duplicatePoses(): Promise<void> {
+  for (const pose of selectedPoses()) {
+    const added = await run(connection.send("duplicate-pose", { pose }));
+    if (added) select({ kind: "pose", name: added.name });
+  }
+}
+
+async function duplicateRegions(): Promise<void> {
+  for (const region of selectedRegions()) {
+    const added = await run(connection.send("duplicate-region", { region }));
+    if (added) select({ kind: "region", name: added.name });
+  }
+}
+
+function startRenaming(): void {
+  const item = selection.value.at(-1);
+  if (!item) return;
+  isLeftPanelOpen.value = true;
+  renaming.value = `${item.kind}:${item.name}`;
+}
+
+const areOnly = (kind: "pose" | "region") =>
+  selection.value.length > 0 && selection.value.every((item) => item.kind === kind);
+const arePoses = () => areOnly("pose");
+const areRegions = () => areOnly("region");
+
+/** The axis about which arrow keys turn the chosen region. */
+let keyAxis: "x" | "y" | "z" = "y";
+
+const canTurn = () => {
+  const chosen = grip.value;
+  if (step.value !== "poses" || !isMeshed.value || !chosen || chosen.pull >= 0) return false;
+  return shownPose.value?.handles.some((h) => h.region === chosen.region && h.turn === "angle") ?? false;
+};
+
+function turnCommands(): Command[] {
+  const turns = [
+    { id: "more", label: "Turn the region by +1°", keys: ["ArrowUp", "ArrowRight"], degrees: 1 },
+    { id: "less", label: "Turn the region by −1°", keys: ["ArrowDown", "ArrowLeft"], degrees: -1 },
+  ];
+  const axes = (["x", "y", "z"] as const).map((axis) => ({
+    id: `pose.axis-${axis}`,
+    label: `Turn by arrow keys about ${axis}`,
+    group: "Poses",
+    shortcut: axis.toUpperCase(),
+    when: canTurn,
+    run: () => {
+      keyAxis = axis;
+      showToast(`Arrow keys turn ${grip.peek()?.region} about ${axis}`);
+    },
+  }));
+  const steps = turns.flatMap(({ id, label, keys, degrees }) =>
+    keys.flatMap((key, k) => [
+      {
+        id: `pose.turn-${id}-${k}`,
+        label,
+        group: "Poses",
+        shortcut: key,
+        when: canTurn,
+        run: () => turnChosen(keyAxis, degrees),
+      },
+      {
+        id: `pose.turn-${id}-ten-${k}`,
+        label: label.replace("1°", "10°"),
+        group: "Poses",
+        shortcut: `Shift+${key}`,
+        when: canTurn,
+        run: () => turnChosen(keyAxis, 10 * degrees),
+      },
+    ]),
+  );
+  return [...axes, ...steps];
+}
+
+registerCommands([
+  { id: "pose.add", label: "Add a pose", group: "Poses", run: () => void addPose() },
+  ...SHAPES.map(({ value, label }) => ({
+    id: `region.add-${value}`,
+    label: `Add a region: ${label.toLowerCase()}`,
+    group: "Poses",
+    run: () => void addRegion(value),
+  })),
+  {
+    id: "region.rectangle",
+    label: "Draw a rectangle to add a region",
+    hint: "A box is fitted to all points of the surface in the rectangle",
+    group: "Poses",
+    shortcut: "R",
+    when: () => step.value === "poses" && isMeshed.value,
+    run: () => startRectangle(false),
+  },
+  {
+    id: "pose.pull",
+    label: "Pull at a point of the body",
+    hint: "Click the body; a spring pulls it there",
+    group: "Poses",
+    when: () => step.value === "poses" && Boolean(shownPose.value) && isMeshed.value,
+    run: () => (sceneTool.value = sceneTool.peek() === "pull" ? "view" : "pull"),
+  },
+  {
+    id: "pose.play",
+    label: "Play the pose from rest, or stop",
+    group: "Poses",
+    shortcut: "P",
+    when: () => step.value === "poses" && Boolean(shownPose.value) && isMeshed.value,
+    run: () => void playRamp(),
+  },
+  { id: "pose.rename", label: "Rename", group: "Poses", shortcut: "F2", when: arePoses, run: startRenaming },
+  {
+    id: "pose.duplicate",
+    label: "Duplicate",
+    group: "Poses",
+    shortcut: "Mod+D",
+    when: arePoses,
+    run: () => void duplicatePoses(),
+  },
+  {
+    id: "pose.delete",
+    label: "Delete",
+    group: "Poses",
+    shortcut: "Delete",
+    when: arePoses,
+    run: () => void deletePoses(selectedPoses()),
+  },
+  { id: "region.rename", label: "Rename", group: "Poses", shortcut: "F2", when: areRegions, run: startRenaming },
+  {
+    id: "region.duplicate",
+    label: "Duplicate",
+    group: "Poses",
+    shortcut: "Mod+D",
+    when: areRegions,
+    run: () => void duplicateRegions(),
+  },
+  {
+    id: "region.delete",
+    label: "Delete",
+    group: "Poses",
+    shortcut: "Delete",
+    when: areRegions,
+    run: () => void deleteRegions(selectedRegions()),
+  },
+  ...turnCommands(),
+]);
+
+/** The menu of the selected poses. */
+export function poseMenu(): MenuEntry[] {
+  return [
+    ...commandEntry("pose.rename", "pencil"),
+    ...commandEntry("pose.duplicate", "copy"),
+    "separator",
+    ...commandEntry("pose.delete", "trash", true),
+  ];
+}
+
+/** The menu of the selected regions. */
+export function regionMenu(): MenuEntry[] {
+  return [
+    ...commandEntry("region.rename", "pencil"),
+    ...commandEntry("region.duplicate", "copy"),
+    "separator",
+    ...commandEntry("region.delete", "trash", true),
+  ];
+}
