@@ -15,6 +15,7 @@ from tests.support.places import ROOT
 
 pytestmark = pytest.mark.slow
 
+_FRONT_END_SOURCES = "defsense_fab/studio/web/"  # built to defsense_fab/data/web
 _BUILD = "import sys; from setuptools import build_meta as b; b.build_{kind}(sys.argv[1])"
 
 
@@ -58,8 +59,11 @@ def _run(program, folder, *words):
 
 def test_wheel_contains_the_files_of_the_package_only(unpacked):
     files = {p.relative_to(unpacked).as_posix() for p in unpacked.rglob("*") if p.is_file()}
+    licenses = {n.split("/licenses/")[1] for n in files if ".dist-info/licenses/" in n}
+    assert {"LICENSE", "defsense_fab/data/web/LICENSES.txt"} <= licenses
     files = {n for n in files if ".dist-info/" not in n}
     package = {n for n in _tracked() if n.startswith("defsense_fab/")}
+    package = {n for n in package if not n.startswith(_FRONT_END_SOURCES)}
     carried = {n for n in files if n.startswith(tuple(f"defsense_fab/data/{k}/" for k in
                ("devices", "examples", "arduino")))}  # fmt: skip
     (kernels,) = files - carried - package  # compiled for this system, for all Pythons
@@ -91,7 +95,7 @@ for experiment in find_experiments(example_names()):
     device = experiment.folder / "device.toml"
     assert not device.exists() or load_device(experiment.folder).body.path.is_file()
 templates = environment().list_templates()
-assert {{"report.html", "guide/instructions.jinja", "viewer/page/view.html"}} <= set(templates)
+assert {{"report.html", "guide/instructions.jinja", "viewer/view.html"}} <= set(templates)
 assert (package_data("arduino") / "DefSense" / "src" / "DefSense.cpp").is_file()
 assert all(image.read() for image in IMAGES.values())
 """

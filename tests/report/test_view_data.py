@@ -123,7 +123,7 @@ def test_names_cannot_become_html(scene, bar):
     content = json.loads(scripts[0])
     assert content["parts"][1]["name"] == BACK
     assert content["device"] == bar.device.name
-    assert page.count("<script") == page.count("</script>") == 4
+    assert page.count("<script") == page.count("</script>") == 5
     assert "<!--" not in page
     assert "&" not in scripts[0]
     assert json.loads(in_script("\u2028<!--]]>&</ScRiPt>")) == "\u2028<!--]]>&</ScRiPt>"
@@ -135,8 +135,17 @@ def test_the_same_build_gives_the_same_bytes(bar, scene, tmp_path):
 
 def test_the_page_needs_no_network(scene):
     page = str(view3d(scene))
-    assert not re.findall(r"""(?:src|href)\s*=\s*["']""", page.split("<script>")[0])
+    assert not re.findall(r"""(?:src|href)\s*=\s*["']""", page.split("<script")[0])
     assert not re.findall(r"\bimport\s*\(|XMLHttpRequest\(\)\.open|navigator\.sendBeacon", page)
+    script = page.split('<script type="module">')[1]
+    imports = re.findall(r"""\b(?:from|import)\s*["']([^"']+)["']""", script)
+    assert imports == ["./three.js"]
+
+
+def test_the_page_has_the_license_of_three(scene):
+    page = str(view3d(scene))
+    assert page.count("This file contains three.js.") == 1
+    assert "Permission is hereby granted, free of charge" in page
 
 
 def ball(radius, around, along):

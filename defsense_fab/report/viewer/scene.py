@@ -29,8 +29,6 @@ from ..surface_errors import SurfaceErrors, state_words
 from .compact_data import PackedArrays, decimate_faces, simplify_parts, vertex_order
 from .followers import CORD, Follower, follower_movements, followers
 
-# Files of the script, in the order of their dependencies.
-_SCRIPTS = "unpack keyframes color_maps tube camera followers stage panel main"
 _STEPS_PER_SIZE = 20_000  # of coordinates, along the device's size
 _STEPS_PER_ERROR = 2000  # of errors, up to the largest one along an axis
 _TOP_STRAIN_PERCENTILE = 99.5  # of the strains in the shown states: the end of their scale
@@ -271,14 +269,14 @@ def view3d(scene: Scene) -> Markup:
         scene: Data of the view.
 
     Returns:
-        HTML with style, library, script and data.
+        HTML with style, three.js, script and data.
     """
     return Markup(  # noqa: S704  # the template escapes, the files are this package's
         render(
-            "viewer/page/view",
-            style=Markup(_text("page", "style.css")),  # noqa: S704
-            library=Markup(_library()),  # noqa: S704
-            script=Markup(_script()),  # noqa: S704
+            "viewer/view",
+            style=Markup(_built_file("report.css")),  # noqa: S704
+            three=Markup(_built_file("three.js")),  # noqa: S704
+            script=Markup(_built_file("report.js")),  # noqa: S704
             content=Markup(in_script(scene.content)),  # noqa: S704
             numbers=scene.numbers,
             noun=scene.content["noun"],
@@ -293,16 +291,6 @@ def in_script(value: Any) -> str:
 
 
 @cache
-def _library() -> str:
-    """Return three.js with its license, which every copy must carry."""
-    return f"/*\n{_text('three', 'LICENSE')}*/\n{_text('three', 'three.min.js')}"
-
-
-@cache
-def _script() -> str:
-    inner = "\n".join(_text("page", f"{name}.js") for name in _SCRIPTS.split())
-    return f'(() => {{\n"use strict";\n{inner}}})();'
-
-
-def _text(*place: str) -> str:
-    return files(__package__).joinpath(*place).read_text(encoding="utf-8")
+def _built_file(name: str) -> str:
+    """Return a file of the built front end; its sources are in `studio/web`."""
+    return (files("defsense_fab") / "data" / "web" / name).read_text(encoding="utf-8")

@@ -1,69 +1,74 @@
-"""Show a guided run in the panel of a page: instructions, buttons, plots and pictures."""
+"""Show a guided run in the browsers of a server, whose buttons and keys control it."""
 
 from __future__ import annotations
 
-import html
 import queue
 import time
-from contextlib import AbstractContextManager, nullcontext
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.guided_parts import Bars, Part, Picture, Plot, draw_picture
-from ...core.guided_run import GuidedView, Key
-from .live_scene import LINES
+from ...core.arrays import Float
+from ...core.guided_parts import Bars, Curve, Part, Picture, Plot, draw_picture
+from ...core.guided_run import GuidedView
+from .live_messages import (
+    GuidedBars,
+    GuidedCurve,
+    GuidedKey,
+    GuidedPicture,
+    GuidedPlot,
+    GuidedState,
+    PressKey,
+)
+from .live_place import Handler
+from .messages import Arrays, Event, Request
+from .web_server import Client
 
-PICTURE_WIDTH = 320  # pixels
+PICTURE_WIDTH = 480  # pixels
 #: Color-blind people can distinguish highlighted outlines from others.
 HIGHLIGHT_RGB, MARK_RGB = (0, 158, 115), (230, 159, 0)
-EMPTY_COLOR = "rgba(128,128,128,.25)"
-BAND_COLOR = "rgba(0,158,115,.3)"
-#: Of bars by their state, distinct for color-blind people (Okabe & Ito 2008).
-STATE_COLORS = {"": "#0072b2", "ok": "#009e73", "fault": "#d55e00"}
-_PLOT_WIDTH = 260  # pixels
-_TEXT_INTERVAL_S, _PICTURE_INTERVAL_S = 0.25, 0.5  # between updates
+_TEXT_INTERVAL_S, _PICTURE_INTERVAL_S = 0.1, 0.2  # between updates
+_JPEG_QUALITY = 80
+_DIGITS = 4  # of shares and coordinates in plots
+
+
+class Publisher(Protocol):
+    """Sends messages to all browsers, as `WebServer` does."""
+
+    def publish(self, event: Event) -> None: ...
+
+    def publish_arrays(self, arrays: Arrays) -> None: ...
 
 
 class GuidedScreen:
-    """Shows a guided run; buttons press its keys, on any thread.
+    """Shows a guided run on the pages of a server; browsers press its keys, on any thread.
 
     Args:
-        server: The viser server.
-        folder: Folder of the panel that holds the controls; None for the panel itself.
-        title: Name of the new folder in it.
-        lock: Held while the screen is removed; None if nothing else draws on the page.
+        server: Sends events and arrays to the browsers.
+        title: Title of the run.
 
     Attributes:
         view: The state that is shown, or None before the first one.
-        pictures: The shown pictures (h, PICTURE_WIDTH, 3) by the names of the cameras.
         text_interval_s: Time between updates of the texts and the plots, s.
         picture_interval_s: Time between updates of the pictures, s.
     """
 
-    def __init__(
-        self,
-        server: Any,
-        folder: Any,
-        title: str,
-        lock: AbstractContextManager[Any] | None = None,
-    ) -> None:
-        self._gui, self._lock = server.gui, lock or nullcontext()
+    def __init__(self, server: Publisher, title: str) -> None:
+        self._server, self._title = server, title
         self._keys = queue.SimpleQueue[str]()
         self.view: GuidedView | None = None
-        self.pictures: dict[str, NDArray[np.uint8]] = {}
         self.text_interval_s, self.picture_interval_s = _TEXT_INTERVAL_S, _PICTURE_INTERVAL_S
-        self._drawn_at = self._pictures_drawn_at = 0.0
-        self._button_groups: dict[tuple[Key, ...], Any] = {}
-        self._camera_handles: dict[str, tuple[Any, Any]] = {}
-        with folder or nullcontext():
-            self._folder = self._gui.add_folder(title)
-        with self._folder:
-            self._text = self._gui.add_markdown("Preparing ...")
-            self._buttons_folder = self._gui.add_folder(None)
-            self._pictures_folder = self._gui.add_folder(None)
-            self._parts = self._gui.add_html("")
+        self._shown_at = self._pictures_shown_at = 0.0
+        self._alerts, self._was_active = 0, False
+        self._state = GuidedState(run=title, title="Preparing ...")
+        server.publish(self._state)
+
+    @property
+    def handlers(self) -> Mapping[type[Request], Handler]:
+        """The requests that the screen handles."""
+        return {PressKey: self.handle_key}
 
     def press(self, key: str) -> None:
         """Press a key, such as "enter" or "q"."""
@@ -72,155 +77,134 @@ class GuidedScreen:
     def key(self, timeout: float) -> str | None:
         """Return the next key, or None if none is pressed within `timeout` seconds."""
         try:
-            return self._keys.get(timeout=timeout)
+            return self._keys.get(timeout=timeout) if timeout > 0 else self._keys.get_nowait()
         except queue.Empty:
             return None
 
     def show(self, view: GuidedView) -> None:
         """Show the state of the run, at most once in each interval."""
+        phase = view.state.phase
+        self._alerts += view.alert or (self._was_active and phase == "ready")
+        self._was_active = phase == "active"
         now = time.monotonic()
-        if now - self._drawn_at < self.text_interval_s and view.state.phase != "done":
+        if now - self._shown_at < self.text_interval_s and phase != "done":
             return
-        self._drawn_at = now
+        self._shown_at = now
         self.view = view
-        self._text.content = view_text(view)
-        self._show_buttons(view.state.keys)
-        parts = "".join(map(part_html, view.parts))
-        if self._parts.content != parts:
-            self._parts.content = parts
-        if now - self._pictures_drawn_at >= self.picture_interval_s:
-            self._pictures_drawn_at = now
-            self._show_pictures([p for p in view.parts if isinstance(p, Picture)])
+        state = guided_state(self._title, view, self._alerts)
+        if state != self._state:
+            self._state = state
+            self._server.publish(state)
+        if now - self._pictures_shown_at >= self.picture_interval_s:
+            self._pictures_shown_at = now
+            for part in view.parts:
+                if isinstance(part, Picture) and part.image is not None:
+                    self._server.publish_arrays(_picture_arrays(part))
+
+    def handle_key(self, _: Client, request: PressKey) -> None:
+        """Press a key, unless the run has reached another step or phase meanwhile."""
+        if (request.step, request.phase) == (self._state.step, self._state.phase):
+            self.press(request.key)
 
     def close(self) -> None:
-        """Remove the screen from the page."""
-        with self._lock:
-            self._folder.remove()
-
-    def _show_buttons(self, keys: tuple[Key, ...]) -> None:
-        """Show a button for each key that has a label, and hide those of other phases."""
-        names = {key.label.capitalize(): key.name for key in keys if key.label}
-        if names and keys not in self._button_groups:
-            with self._buttons_folder:
-                group = self._gui.add_button_group("Step", tuple(names))
-            group.on_click(lambda _: self.press(names[group.value]))
-            self._button_groups[keys] = group
-        for other, group in self._button_groups.items():
-            group.visible = other == keys
-
-    def _show_pictures(self, pictures: list[Picture]) -> None:
-        for part in pictures:
-            image, text = small_picture(part), f"{part.name}: {part.caption}"
-            self.pictures[part.name] = image
-            if part.name not in self._camera_handles:
-                with self._pictures_folder:
-                    handles = (
-                        self._gui.add_markdown(text),
-                        self._gui.add_image(image, format="jpeg"),
-                    )
-                self._camera_handles[part.name] = handles
-                continue
-            text_handle, image_handle = self._camera_handles[part.name]
-            text_handle.content, image_handle.image = text, image
+        """Remove the screen from the pages."""
+        self._server.publish(GuidedState(run=""))
 
 
-def view_text(view: GuidedView) -> str:
-    """Return the step, the instruction, what was received and the warnings in markdown."""
-    notes = [f"- **{note}**" for note in view.notes]
-    return "\n\n".join([f"#### {view.title}", view.instruction, *view.status, *notes])
+def guided_state(run: str, view: GuidedView, alerts: int = 0) -> GuidedState:
+    """Return the message that describes the state of a guided run.
 
-
-def small_picture(part: Picture) -> NDArray[np.uint8]:
-    """Return a camera's picture (h, PICTURE_WIDTH, 3) RGB with its outlines.
-
-    It is gray if there is no recent picture.
+    Args:
+        run: Title of the run.
+        view: The state.
+        alerts: How often the user was alerted.
     """
-    if part.image is None:
-        return np.full((PICTURE_WIDTH * 9 // 16, PICTURE_WIDTH, 3), 128, np.uint8)
+    state = view.state
+    return GuidedState(
+        run=run,
+        phase=state.phase,
+        step=state.step,
+        done=sorted(state.done),
+        title=view.title,
+        instruction=view.instruction,
+        status=list(view.status),
+        progress=view.progress,
+        keys=[
+            GuidedKey(name=key.name, label=key.label, action=key.action, hint=key.hint)
+            for key in state.keys
+        ],
+        parts=[_part(part) for part in view.parts],
+        notes=[str(note) for note in view.notes],
+        alerts=alerts,
+    )
+
+
+def picture_jpeg(part: Picture) -> NDArray[np.uint8]:
+    """Return a camera's picture with its outlines as JPEG (n,), at most PICTURE_WIDTH wide."""
+    import cv2
+
+    assert part.image is not None
     h, w = part.image.shape[:2]
-    size = PICTURE_WIDTH, max(2, round(PICTURE_WIDTH * h / w))
-    return draw_picture(part, size, HIGHLIGHT_RGB, MARK_RGB, line_width=2)
+    width = min(w, PICTURE_WIDTH)
+    size = width, max(2, round(width * h / w))
+    rgb = draw_picture(part, size, HIGHLIGHT_RGB, MARK_RGB, line_width=2)
+    _, content = cv2.imencode(
+        ".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+    )
+    return np.asarray(content, np.uint8).ravel()
 
 
-def part_html(part: Part) -> str:
-    """Return bars, a plot or a table as HTML; empty for a picture."""
+def _part(part: Part) -> GuidedBars | GuidedPlot | GuidedPicture:
     if isinstance(part, Picture):
-        return ""
-    title = html.escape(part.title)
+        return GuidedPicture(
+            name=part.name,
+            caption=part.caption,
+            array=_array_name(part),
+            has_image=part.image is not None,
+        )
     if isinstance(part, Plot):
-        body, title = _plot_svg(part), title + _legend(part)
-    else:
-        body = _bars_html(part)
-    return f'<div style="font-size:11px;line-height:1.4">{body}<div>{title}</div></div>'
-
-
-def _bars_html(bars: Bars) -> str:
-    count, rows = len(bars.values), []
-    names, texts = bars.names or ("",) * count, bars.texts or ("",) * count
-    for k, (name, row, text) in enumerate(zip(names, bars.values, texts, strict=True)):
-        color = _color(k if bars.has_colors else 0)
-        if bars.states:
-            color = STATE_COLORS[bars.states[k]]
-        band = "" if bars.bands is None else _band_html(*bars.bands[k])
-        boxes = "".join(
-            f'<span style="flex:1;margin-right:2px;position:relative;background:{EMPTY_COLOR}">'
-            f'{band}<span style="display:block;position:relative;height:9px;'
-            f'width:{100 * np.clip(share, 0, 1):.0f}%;background:{color}"></span></span>'
-            for share in row
+        return GuidedPlot(
+            title=part.title,
+            curves=[_curve(curve) for curve in part.curves],
+            x=list(part.x),
+            y=list(part.y),
+            aspect=part.aspect,
+            has_axes=part.has_axes,
         )
-        rows.append(
-            '<div style="display:flex;align-items:center;gap:4px"><span style="width:25%;overflow:'
-            f'hidden;text-overflow:ellipsis">{html.escape(name)}</span><span style="flex:1;display:'
-            f'flex">{boxes}</span><span style="width:24%;text-align:right">{html.escape(text)}'
-            "</span></div>"
-        )
-    return "".join(rows)
+    return _bars(part)
 
 
-def _band_html(low: float, high: float) -> str:
-    """Return the expected range of a bar, which the bar is drawn over."""
-    left, right = (100 * np.clip(share, 0, 1) for share in (low, high))
-    return (
-        f'<span style="position:absolute;left:{left:.1f}%;width:{right - left:.1f}%;top:-3px;'
-        f'bottom:-3px;background:{BAND_COLOR}"></span>'
+def _bars(bars: Bars) -> GuidedBars:
+    return GuidedBars(
+        title=bars.title,
+        names=list(bars.names),
+        texts=list(bars.texts),
+        values=_rounded(np.clip(np.nan_to_num(bars.values), 0, 1)),
+        bands=[] if bars.bands is None else _rounded(np.clip(bars.bands, 0, 1)),
+        states=list(bars.states),
+        colors=list(range(len(bars.values))) if bars.has_colors else [],
     )
 
 
-def _plot_svg(plot: Plot) -> str:
-    height = round(_PLOT_WIDTH * plot.aspect)
-    (left, right), (bottom, top) = plot.x, plot.y
-
-    def pixels(x: Any, y: Any) -> tuple[Any, Any]:
-        return (x - left) / (right - left) * _PLOT_WIDTH, (top - y) / (top - bottom) * height
-
-    x0, y0 = pixels(0.0, 0.0)
-    axes = f"M0 {y0:.1f}H{_PLOT_WIDTH}M{x0:.1f} 0V{height}" if plot.has_axes else ""
-    shapes = [f'<path d="{axes}" stroke="currentColor" opacity=".4"/>']
-    for curve in plot.curves:
-        is_valid = np.isfinite(curve.x) & np.isfinite(curve.y)
-        x, y = pixels(curve.x[is_valid], curve.y[is_valid])
-        color = _color(curve.color)
-        if curve.is_line:
-            points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-            shapes.append(f'<polyline points="{points}" fill="none" stroke="{color}"/>')
-        else:
-            shapes += [
-                f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3" fill="{color}"/>'
-                for a, b in zip(x, y, strict=True)
-            ]
-    return (
-        f'<svg width="{_PLOT_WIDTH}" height="{height}"'
-        f' style="background:rgba(128,128,128,.12)">{"".join(shapes)}</svg>'
+def _curve(curve: Curve) -> GuidedCurve:
+    is_valid = np.isfinite(curve.x) & np.isfinite(curve.y)
+    return GuidedCurve(
+        name=curve.name,
+        x=_rounded(curve.x[is_valid]),
+        y=_rounded(curve.y[is_valid]),
+        color=curve.color,
+        is_line=curve.is_line,
     )
 
 
-def _legend(plot: Plot) -> str:
-    return "".join(
-        f' <span style="color:{_color(curve.color)}">{html.escape(curve.name)}</span>'
-        for curve in plot.curves
-        if curve.name
-    )
+def _picture_arrays(part: Picture) -> Arrays:
+    return Arrays(name=_array_name(part), arrays={"jpeg": picture_jpeg(part)})
 
 
-def _color(number: int | None) -> str:
-    return "gray" if number is None else LINES[number % len(LINES)]
+def _array_name(part: Picture) -> str:
+    return f"guided-picture-{part.name}"
+
+
+def _rounded(values: Float) -> list[Any]:
+    rounded: list[Any] = np.round(np.asarray(values, float), _DIGITS).tolist()
+    return rounded

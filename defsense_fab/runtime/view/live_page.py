@@ -12,7 +12,7 @@ import msgspec
 from ...core.errors import LiveError
 from ...core.machine.local_access import Access
 from ..frames.live_frame import LiveFrame
-from .guided_stream import WebGuidedScreen
+from .guided_screen import GuidedScreen
 from .live_messages import LivePage, PressKey, RecordAnimation, TakeRest, WatchLive
 from .live_place import Handler, LivePlace
 from .messages import Request, Upload
@@ -62,7 +62,7 @@ class PageApplication:
         return None
 
 
-class WebLiveView:
+class LiveView:
     """An `Output` on a page of its own, or in a place on the pages of a server.
 
     Closing it leaves the server of a place as it was.
@@ -124,7 +124,7 @@ class GuidedPage:
         has_token: Whether the link contains a token, with which other machines have access.
     """
 
-    screen: WebGuidedScreen
+    screen: GuidedScreen
     url: str
     has_token: bool
 
@@ -146,7 +146,7 @@ def open_guided_page(port: int, title: str, host: str | None = None) -> Iterator
     address = host or HOST
     access = Access(address)
     server = WebServer(port, access, address)
-    screen = WebGuidedScreen(server, title)
+    screen = GuidedScreen(server, title)
     _start(server, screen.handlers, "guided", title)
     try:
         yield GuidedPage(screen, access.link(port), bool(access.token))

@@ -10,10 +10,21 @@ from typing import Any, Union
 import msgspec
 
 from ...workflow.view import Event, Reply, Request, Upload, live_messages
-from . import body, inside, make, measure, optimize, poses, sensors, shell, start
+from . import (
+    body,
+    inside,
+    make,
+    measure,
+    optimize,
+    pose_edits,
+    poses,
+    sensors,
+    shell,
+    start,
+)
 
 MODULES: tuple[ModuleType, ...] = (
-    *(shell, start, body, poses, inside, sensors, optimize, make, measure),
+    *(shell, start, body, poses, pose_edits, inside, sensors, optimize, make, measure),
     live_messages,
 )
 

@@ -16,12 +16,12 @@ from ...workflow.build.results import Build, has_poses, last_build
 from ...workflow.design.layout_judge import LayoutJudge
 from ...workflow.starts.body_scripts import ScriptText
 from ...workflow.view import Arrays, Problem, WebServer
+from ..background.build_job import CandidateLayout, run_build
+from ..background.latest_worker import LatestWorker
 from ..edits.edit import Edit
 from ..messages.shell import Notice, Question, ScriptFile, Stage
 from ..project.agreement import Agreement
 from ..project.project import Project
-from ..workbench.build_job import CandidateLayout, run_build
-from ..workbench.latest_worker import LatestWorker
 from .body_arrays import surface_arrays
 from .job_strip import JobStrip, Work
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from ...core.errors import DefsenseError
 from ...workflow.view import Event, Problem
+from ..background.background_job import CANCELLED, BackgroundJob
 from ..messages.shell import Job
-from ..workbench.background_job import CANCELLED, BackgroundJob
 
 _CANCEL_TIMEOUT_S = 5.0  # in which a canceled job ends
 

@@ -15,13 +15,13 @@ from ...workflow.build.results import has_layout
 from ...workflow.design.draw_cord import Snapper, fit_stroke, plane_section
 from ...workflow.design.layout_judge import JudgedLayout, LayoutCheck, LayoutJudge
 from ...workflow.view import Client, Problem, Request
+from ..background.latest_worker import LatestWorker
 from ..edits import cords as edits
 from ..edits.edit import Edit, free_name
 from ..messages import sensors as messages
 from ..session.cord_states import is_smooth, path_points, plane_of, rounded
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
-from ..workbench.latest_worker import LatestWorker
 
 _NOT_SIMULATED = "Simulate the poses to see the expected error"
 _SNAP_DISTANCE = 0.01  # times the body's size

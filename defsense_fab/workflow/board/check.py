@@ -31,7 +31,7 @@ from ...store.layout import LAYOUT
 from ...store.manifest import MANIFEST
 from ...twin.live.wiring_twin import WiringTwin, WiringTwinOptions
 from ...twin.options import TWIN
-from ..view import GuidedScreen, open_page
+from ..view import open_guided_page
 from .expected_cords import expected_cords, reference_of_build
 from .options import CheckOptions
 
@@ -187,14 +187,10 @@ def _with_page(
     screen: Screen, port: int, on_page: Callable[[str], None] | None
 ) -> Iterator[Screen]:
     """Serve a page that shows the run, in addition to a screen."""
-    with open_page(port, _TITLE) as page:
-        page.server.gui.configure_theme(
-            control_width="large", show_logo=False, show_share_button=False
-        )
+    with open_guided_page(port, _TITLE) as page:
         if on_page is not None:
             on_page(page.url)
-        guided = GuidedScreen(page.server, None, _TITLE)
-        yield _TwoScreens(screen, guided)
+        yield _TwoScreens(screen, page.screen)
 
 
 def _wait_for_key(screen: Screen) -> None:

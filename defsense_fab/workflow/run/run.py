@@ -6,7 +6,6 @@ import contextlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -37,9 +36,8 @@ from ...runtime.outputs.live_file import open_outputs
 from ...runtime.outputs.output import LatestFrameSender
 from ...runtime.recording.target_file import TARGETS, TargetFile
 from ...runtime.surface.live_surface import LiveSurface
-from ...runtime.view.live_page import WebLiveView
+from ...runtime.view.live_page import LiveView
 from ...runtime.view.live_place import LivePlace
-from ...runtime.view.live_view import LiveView, PagePlace
 from ...runtime.view.panel_actions import PanelActions
 from ...runtime.view.viewed_device import ViewedDevice
 from ...sensing.voltage_divider import REFERENCE_OHM, reference_resistors
@@ -76,7 +74,7 @@ class LiveRun:
     port: str
     loop: LiveLoop
     outputs: Sequence[LatestFrameSender]
-    view: LiveView | WebLiveView | None
+    view: LiveView | None
     recording: RawRecording | None
     animations: Animations | None = None
     surface: str = ""
@@ -111,7 +109,7 @@ def prepare_run(
     options: RunOptions = _NO_OPTIONS,
     *,
     settings: LiveSettings = _NO_SETTINGS,
-    view: int | PagePlace | LivePlace | None = None,
+    view: int | LivePlace | None = None,
     receivers: Sequence[FrameSink] = (),
     keeps_readings: bool = True,
     progress: Progress = silent,
@@ -159,9 +157,9 @@ def prepare_run(
             views.append(animations)
         actions = panel_actions(decoder, animations, folder)
         if view is not None:
-            page = _open_view(_viewed_device(live), actions, view)
+            page = LiveView(_viewed_device(live), actions, view)
             undo.callback(page.close)
-            views.append(LatestFrameSender("view", partial(_identity, page), _MAX_VIEW_RATE_HZ))
+            views.append(LatestFrameSender("view", lambda: page, _MAX_VIEW_RATE_HZ))
         outputs = open_outputs(settings.outputs)
         for output in outputs:
             undo.callback(output.close)
@@ -189,7 +187,7 @@ def _prepare_target_run(
     port: str,
     options: RunOptions,
     settings: LiveSettings,
-    view: int | PagePlace | LivePlace | None,
+    view: int | LivePlace | None,
     receivers: Sequence[FrameSink],
     folder: RunFolder | None,
 ) -> LiveRun:
@@ -356,18 +354,6 @@ def _make_surface(
     if options.animation is not None:
         animations.start(options.animation)
     return surface, animations
-
-
-def _open_view(
-    device: ViewedDevice, actions: PanelActions, view: int | PagePlace | LivePlace
-) -> LiveView | WebLiveView:
-    if isinstance(view, LivePlace):
-        return WebLiveView(device, actions, view)
-    return LiveView(device, actions, view)
-
-
-def _identity(view: LiveView | WebLiveView) -> LiveView | WebLiveView:
-    return view
 
 
 def _first_rest_signals(live: LiveDevice, port: Port) -> Float | None:

@@ -10,9 +10,9 @@ import pytest
 
 from defsense_fab.core.guided_parts import Bars
 from defsense_fab.core.guided_run import Key
-from defsense_fab.runtime.view.guided_stream import (
+from defsense_fab.runtime.view.guided_screen import (
     PICTURE_WIDTH,
-    WebGuidedScreen,
+    GuidedScreen,
     guided_state,
     picture_jpeg,
 )
@@ -43,7 +43,7 @@ def pages():
 
 @pytest.fixture
 def screen(pages):
-    screen = WebGuidedScreen(pages, "Recording")
+    screen = GuidedScreen(pages, "Recording")
     screen.text_interval_s = screen.picture_interval_s = 0.0
     return screen
 

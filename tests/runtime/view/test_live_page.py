@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from defsense_fab.runtime.view.live_page import WebLiveView, open_guided_page
+from defsense_fab.runtime.view.live_page import LiveView, open_guided_page
 from defsense_fab.runtime.view.panel_actions import PanelActions
 from tests.runtime.live_frames import frame, wait_for
 from tests.runtime.view.test_guided_screen import VIEW
@@ -44,7 +44,7 @@ def send(socket, kind, **content):
 def test_live_page_shows_the_device_and_its_frames():
     rested = []
     actions = PanelActions(rest=lambda: rested.append(True))
-    view = WebLiveView(DEVICE, actions, free_port())
+    view = LiveView(DEVICE, actions, free_port())
     try:
         assert str(view.port) in view.about
         with socket_of(view.port) as socket:

@@ -164,7 +164,7 @@ def test_layout_and_manifest_are_consistent(device):
     # Nothing asks the network (this is a name, not an address); base64 holds no colon.
     assert set(re.findall(r"\w+://[\w./]*", page)) == {"http://www.w3.org/1999/xhtml"}
     for each in (page, (device / "build" / "guide.html").read_text("utf-8")):
-        assert [each.count(mark) for mark in ("data-v3-scene>", "data-v3-numbers>")] == [1, 1]
+        assert each.count("data-view3d-scene>") == each.count("data-view3d-numbers>") == 1
         assert len(each) < 6e6
 
 

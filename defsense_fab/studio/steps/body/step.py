@@ -14,14 +14,14 @@ from ....core.errors import BodyError, DefsenseError
 from ....core.mesh import Surface
 from ....workflow.build.results import Build
 from ....workflow.view import Arrays, Client, Problem, Request
-from ...device.body_preview import body_key, make_body, preview_folder
+from ...background.background_job import CANCELLED
 from ...edits.body import reset_parameter, set_parameter
 from ...messages import body as messages
 from ...session.body_arrays import surface_arrays
 from ...session.device_session import DeviceSession
 from ...session.job_strip import Work
 from ...session.step import Handler, Step
-from ...workbench.background_job import CANCELLED
+from .body_preview import body_key, make_body, preview_folder
 from .catalogues import catalogue_choices, catalogues, row_edit
 from .fields import device_fields, field_edit, reset_edit
 from .parameters import body_parameters, checked_value

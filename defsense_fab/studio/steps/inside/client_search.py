@@ -10,9 +10,9 @@ import numpy as np
 from ....core.errors import LayoutError
 from ....workflow.design.next_cord import NextCord
 from ....workflow.view import Arrays, Client, Problem
-from ...inside.next_cord_search import NextCordSearch, SearchRequest
 from ...messages.inside import NextCordState
 from ...session.cord_states import rounded
+from .next_cord_search import NextCordSearch, SearchRequest
 
 
 class ClientSearch:

@@ -9,16 +9,16 @@ from typing import Any
 from ....core.errors import DefsenseError, LayoutError
 from ....workflow.design.next_cord import best_sensor
 from ....workflow.view import Arrays, Client, Request
+from ...background.latest_worker import LatestWorker
 from ...edits.cords import add_cord
 from ...edits.edit import free_name
-from ...inside.next_cord_search import SearchRequest
 from ...messages import inside as messages
 from ...messages.sensors import CordResult
 from ...session.cord_states import plane_of
 from ...session.device_session import DeviceSession
 from ...session.step import Handler, Step
-from ...workbench.latest_worker import LatestWorker
 from .client_search import ClientSearch
+from .next_cord_search import SearchRequest
 from .simulated_body import SimulatedBody, empty_state
 
 _NO_BODY = "Make the body and simulate the poses to see the strain inside"

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....core.arrays import Float
-from ...inside import section_quantities as engine
 from ...messages.inside import ColorMap, QuantityInfo, QuantityName
-from ...workbench import colors
+from . import colors
+from . import section_quantities as engine
 
 _PERCENT = 100.0
 

@@ -17,13 +17,13 @@ from ....workflow.design.body_section import BodySection
 from ....workflow.design.layout_judge import LayoutJudge
 from ....workflow.design.next_cord import NextCord, shortest_cord
 from ....workflow.view import Arrays
-from ...inside.color_range import ColorRange, range_of, round_range
-from ...inside.section_planes import box_middle, first_plane, first_state, plane_offsets
-from ...inside.section_samples import SectionRequest, SectionSampler, nearest_drop
 from ...messages import inside as messages
 from ...session.body_arrays import feature_edges
 from ...session.cord_states import plane_of, rounded
+from .color_range import ColorRange, range_of, round_range
 from .quantities import COLOR_MAPS, QUANTITIES, UNKNOWN_COLOR, ShownQuantity
+from .section_planes import box_middle, first_plane, first_state, plane_offsets
+from .section_samples import SectionRequest, SectionSampler, nearest_drop
 
 _MIN_GAIN_SPREAD = 0.03  # share of the largest gain
 

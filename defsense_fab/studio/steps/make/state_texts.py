@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ....workflow.view import Problem
 from ...messages.make import MakeState
-from ...workbench.build_state import BuildState
+from .build_state import BuildState
 
 
 def make_state(state: BuildState, build_obstacle: str, problem: Problem | None) -> MakeState:

@@ -12,13 +12,13 @@ from ....workflow.build.recorded_options import recorded_options
 from ....workflow.build.results import has_parts, parts_digest
 from ....workflow.fabrication.assembly_guide import AssemblyGuide, assembly_guide
 from ....workflow.view import Arrays, Client, Download, Problem, Request
+from ...background.background_job import CANCELLED
+from ...background.latest_worker import LatestWorker
 from ...messages import make as messages
 from ...session.device_session import DeviceSession
 from ...session.step import Handler, Step
-from ...workbench.background_job import CANCELLED
-from ...workbench.build_state import BuildState
-from ...workbench.latest_worker import LatestWorker
 from .assembly_ticks import AssemblyTicks
+from .build_state import BuildState
 from .guide_content import (
     FILES_PATH,
     build_files,

@@ -20,9 +20,9 @@ from ....workflow.sessions.options import CALIBRATION_FILE
 from ....workflow.sessions.recording import SESSION_FOLDER
 from ....workflow.sessions.twin_sessions import session_folder
 from ....workflow.tags.options import MARKERS_FOLDER
-from ...measure.specimens import SIMULATED_PREFIX, specimen_sessions
 from ...messages.measure import MeasureChoices, ModelChoice, PortChoice, SessionChoice
 from .results import test_error, usefulness_warning
+from .specimens import SIMULATED_PREFIX, specimen_sessions
 
 _REPLAY = "replay:"  # start of the ports of recordings
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from ....core.errors import DefsenseError
-from ....workflow.view import Client, WebGuidedScreen, WebServer, live_messages
-from ...workbench.latest_worker import LatestWorker
+from ....workflow.view import Client, GuidedScreen, WebServer, live_messages
+from ...background.latest_worker import LatestWorker
 from .status_board import StatusBoard, TaskName
 
 _CLOSE_TIMEOUT_S = 10.0  # time in which a guided run has to end
@@ -28,7 +28,7 @@ class GuidedRuns:
     def __init__(self, server: WebServer, board: StatusBoard, on_end: Callable[[], None]) -> None:
         self._server, self._board, self._on_end = server, board, on_end
         self._worker = LatestWorker[Callable[[], None]](lambda work: work(), lambda _: None)
-        self.screen: WebGuidedScreen | None = None
+        self.screen: GuidedScreen | None = None
 
     @property
     def is_busy(self) -> bool:
@@ -55,9 +55,9 @@ class GuidedRuns:
         self._worker.give(lambda: self._run(name, run))
 
     @contextmanager
-    def open_screen(self, name: TaskName, title: str) -> Iterator[WebGuidedScreen]:
+    def open_screen(self, name: TaskName, title: str) -> Iterator[GuidedScreen]:
         """Show a screen on the page until the block ends."""
-        self.screen = screen = WebGuidedScreen(self._server, title)
+        self.screen = screen = GuidedScreen(self._server, title)
         self._board.show(name, "", state="running")
         try:
             yield screen

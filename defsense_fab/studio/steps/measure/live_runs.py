@@ -11,7 +11,7 @@ from ....core.errors import DefsenseError
 from ....workflow.run.live_device import live_device
 from ....workflow.run.run import LiveRun, LiveSettings, prepare_run
 from ....workflow.view import LivePlace
-from ...workbench.latest_worker import LatestWorker
+from ...background.latest_worker import LatestWorker
 from .status_board import StatusBoard
 
 _STOP_CHECK_INTERVAL_S = 0.2

@@ -11,10 +11,10 @@ from ....workflow.run.choices import known_models
 from ....workflow.run.outputs import LIVE_FILE, read_settings
 from ....workflow.train.training import MODEL
 from ....workflow.view import Client, Download, LivePlace, Request, live_messages
+from ...background.latest_worker import LatestWorker
 from ...messages import measure as messages
 from ...session.device_session import DeviceSession
 from ...session.step import Handler, Step
-from ...workbench.latest_worker import LatestWorker
 from .choices import find_choices
 from .guided_runs import GuidedRuns
 from .live_runs import LiveOptions, LiveRuns

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from ....workflow.board.check import BoardCheck
-from ...measure import jobs
 from ...messages.measure import (
     ChannelFinding,
     CheckResult,
@@ -16,6 +15,7 @@ from ...messages.measure import (
     ResponseResult,
     TrainingResult,
 )
+from . import jobs
 
 
 def check_result(check: BoardCheck, port: str) -> CheckResult:

@@ -9,8 +9,8 @@ import msgspec
 
 from ....core.errors import DefsenseError
 from ....workflow.view import Problem, WebServer
+from ...background.background_job import CANCELLED
 from ...messages.measure import MeasureResults, MeasureStatus, TaskState, TaskStatus
-from ...workbench.background_job import CANCELLED
 
 TaskName = Literal["check", "record", "train", "specimen", "live"]
 

@@ -14,15 +14,15 @@ from ....workflow.sessions.known_sessions import known_sessions
 from ....workflow.sessions.twin_sessions import session_folder
 from ....workflow.train.options import CordFamilyName, TwinOptions
 from ....workflow.train.training import MODEL
+from ...background.background_job import run_with_progress
 from ...edits.body import use_response
-from ...measure import jobs
-from ...measure.specimens import RESPONSE_FILE, SIMULATED_PREFIX, specimen_sessions
 from ...messages import measure as messages
 from ...session.device_session import DeviceSession
 from ...session.job_strip import Work
-from ...workbench.background_job import run_with_progress
+from . import jobs
 from .choices import relative_name
 from .results import evaluation_result, response_result, training_result
+from .specimens import RESPONSE_FILE, SIMULATED_PREFIX, specimen_sessions
 from .status_board import StatusBoard, TaskName
 
 

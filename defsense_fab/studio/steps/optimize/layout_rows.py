@@ -13,7 +13,7 @@ from ....workflow.design.compare_layouts import DRAWN, VISUAL, ComparedLayout
 from ....workflow.design.layout_judge import LayoutJudge
 from ....workflow.fabrication.print_time import print_hours
 from ...messages.optimize import LayoutRow, Role
-from ...workbench.comparison_job import by_error
+from .comparison_job import by_error
 from .ghost_cords import are_same, ghost_cords
 
 _MAX_INLET_MM = 1e3  # an inlet that does not leave the body is infinite

@@ -9,12 +9,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ...background.build_job import CandidateLayout
+from ...background.latest_worker import LatestWorker
 from ...messages.optimize import Search, SearchedPose
 from ...session.device_session import DeviceSession
-from ...workbench.build_job import CandidateLayout
-from ...workbench.latest_worker import LatestWorker
-from ...workbench.search_record import SearchRecord, SearchRun, judge_candidate
 from .ghost_cords import ghost_cords
+from .search_record import SearchRecord, SearchRun, judge_candidate
 
 _MAX_SENT_POINTS = 240  # of the curves
 _MIN_INTERVAL_S = 0.1  # between published states

@@ -16,13 +16,13 @@ from ....workflow.design.compare_layouts import (
 )
 from ....workflow.study.cord_count import studied_layouts
 from ....workflow.view import Arrays, Client, Request
+from ...background.latest_worker import LatestWorker
 from ...edits.cords import take_cords
 from ...messages import optimize as messages
 from ...session.device_session import DeviceSession
 from ...session.job_strip import Work
 from ...session.step import Handler, Step
-from ...workbench.comparison_job import round_time, run_comparison
-from ...workbench.latest_worker import LatestWorker
+from .comparison_job import round_time, run_comparison
 from .error_map import ErrorMap
 from .ghost_cords import are_same
 from .layout_rows import (

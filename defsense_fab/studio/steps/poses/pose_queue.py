@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 
 from ....core.errors import DefsenseError
 from ....workflow.design.pose_preview import PosePreview, PreviewedPose
-from ...poses.preview_work import PreviewAnswer, PreviewRequest, PreviewWork
+from .preview_work import PreviewAnswer, PreviewRequest, PreviewWork
 
 T = TypeVar("T")
 #: Owner of the work that waits for everything else.

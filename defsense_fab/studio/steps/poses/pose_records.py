@@ -16,8 +16,8 @@ from ....workflow.design.region_points import find_region_problems, points_in_re
 from ...edits.pose_loads import finite
 from ...edits.poses import role_of
 from ...messages import poses as messages
-from ...poses.grips import rotation_center, shape_center
 from ...session.cord_states import rounded
+from .grips import rotation_center, shape_center
 
 #: Colors of regions in their order, which color-blind people can distinguish (Okabe and Ito).
 REGION_COLORS = ("#e69f00", "#0072b2", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#b8a500")

@@ -23,9 +23,9 @@ from ...edits.poses import (
     set_role,
 )
 from ...messages import pose_edits as messages
-from ...poses.grips import rotation_center
 from ...session.device_session import DeviceSession
 from ...session.step import Handler
+from .grips import rotation_center
 
 _INITIAL_PULL = 0.15  # of a new pull, times the body's size
 _INITIAL_STIFFNESS = 1.0  # N/mm, the default of `poses.drags.stiffness`

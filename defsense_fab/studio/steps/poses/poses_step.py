@@ -13,15 +13,15 @@ from ....core.mesh import Surface
 from ....workflow.design.pose_preview import PosePreview, load_preview
 from ....workflow.design.pose_ramp import load_state_shape
 from ....workflow.view import Arrays, Client, Request
+from ...background.latest_worker import LatestWorker
 from ...edits.edit import combine
 from ...edits.pose_loads import finite
 from ...edits.poses import pose_edits
 from ...messages import poses as messages
-from ...poses.grips import move_grip
 from ...session.body_arrays import surface_arrays
 from ...session.device_session import DeviceSession
 from ...session.step import Handler, Step
-from ...workbench.latest_worker import LatestWorker
+from .grips import move_grip
 from .pictures import PictureWork
 from .pose_queue import SolverTask
 from .pose_records import pose_states, region_states

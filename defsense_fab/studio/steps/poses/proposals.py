@@ -12,10 +12,10 @@ from ....workflow.study.propose_poses import PoseSearch
 from ....workflow.view import Arrays, Client, Request
 from ...messages import poses as messages
 from ...messages.pose_edits import AddProposed, PoseResult
-from ...poses.pose_search import add_proposed, search_poses
 from ...session.device_session import DeviceSession
 from ...session.job_strip import Work
 from ...session.step import Handler
+from .pose_search import add_proposed, search_poses
 
 
 class Proposals:

@@ -16,9 +16,9 @@ from ...edits.pose_loads import finite
 from ...edits.poses import remove_region, rename_region, set_box, shift_region
 from ...edits.regions import set_shape
 from ...messages import pose_edits as messages
-from ...poses.grips import shift_shape
 from ...session.device_session import DeviceSession
 from ...session.step import Handler
+from .grips import shift_shape
 from .pose_records import default_shape, make_shape
 
 _COPY_SHIFT = 0.05  # of a copy from its original, times the body's size

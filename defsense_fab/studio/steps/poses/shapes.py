@@ -16,11 +16,11 @@ from ....workflow.design.pose_preview import PosePreview, PreviewedPose
 from ....workflow.design.pose_ramp import Ramp, follow_ramp, load_ramp, unreached_message
 from ....workflow.view import Arrays, Client, Problem
 from ...messages.poses import PoseShape, PoseWarning, ShapePhase
-from ...poses.preview_work import PreviewAnswer, PreviewRequest
 from ...session.cord_states import rounded
 from ...session.device_session import DeviceSession
 from .pose_queue import PoseQueue, SolverTask
 from .pose_records import pose_digest
+from .preview_work import PreviewAnswer, PreviewRequest
 
 _MAX_RAMP_VALUES = 6_000_000  # of all frames, 24 MB
 _MAX_FRAMES, _MIN_FRAMES = 25, 6

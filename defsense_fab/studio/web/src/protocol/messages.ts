@@ -8,6 +8,10 @@
 export interface Protocol {
   request:
     | AddNextCord
+    | AddPose
+    | AddProposed
+    | AddPull
+    | AddRegion
     | AddStraight
     | AddStroke
     | Answer
@@ -16,18 +20,25 @@ export interface Protocol {
     | CloseDevice
     | CompareCords
     | CompareLayouts
+    | ConvertRegion
     | CreateFromBody
     | CreateFromGallery
     | DeleteCords
     | DeletePoint
+    | DeletePoses
+    | DeletePull
+    | DeleteRegions
     | DescribeUpload
     | DragPlane
     | DragPoint
     | DragTangent
     | DuplicateCord
+    | DuplicatePose
+    | DuplicateRegion
     | ErrorMapOf
     | EvaluateModel
     | ExportDevice
+    | FitRegion
     | FitResponse
     | FollowRamp
     | ForgetDevice
@@ -56,6 +67,8 @@ export interface Protocol {
     | RefreshChoices
     | RenameCord
     | RenameDevice
+    | RenamePose
+    | RenameRegion
     | ResetField
     | ResetParameter
     | Restore
@@ -63,7 +76,17 @@ export interface Protocol {
     | SearchNextCord
     | SetField
     | SetFreedoms
+    | SetGravity
     | SetParameter
+    | SetPivot
+    | SetPressure
+    | SetPull
+    | SetRegion
+    | SetRole
+    | SetShift
+    | SetSymmetry
+    | SetTurn
+    | ShiftRegion
     | ShowPose
     | ShowSection
     | SimulateSpecimens
@@ -141,6 +164,50 @@ export interface AddNextCord {
   at: number[] | null;
 }
 /**
+ * Add a pose that holds one region and turns another.
+ */
+export interface AddPose {
+  kind: "add-pose";
+  id: number;
+}
+/**
+ * Add proposed poses.
+ *
+ *     Attributes:
+ *         poses: Their names.
+ *         has_states: Whether their mixed states are added as well.
+ */
+export interface AddProposed {
+  kind: "add-proposed";
+  id: number;
+  poses: string[];
+  hasStates: boolean;
+}
+/**
+ * Pull at a point of the surface.
+ *
+ *     Attributes:
+ *         at: The point (3,) at rest, mm.
+ *         normal: Direction (3,) of the pull.
+ */
+export interface AddPull {
+  kind: "add-pull";
+  id: number;
+  pose: string;
+  at: number[];
+  normal: number[];
+}
+/**
+ * Add a region at the middle of the body, or with given points and radius, mm.
+ */
+export interface AddRegion {
+  kind: "add-region";
+  id: number;
+  shape: "box" | "cylinder" | "half-space" | "sphere";
+  points: number[][] | null;
+  radius: number;
+}
+/**
  * Add a straight cord along the middle of the body.
  */
 export interface AddStraight {
@@ -212,6 +279,14 @@ export interface CompareLayouts {
   id: number;
 }
 /**
+ * Replace a region by a box about its surface points.
+ */
+export interface ConvertRegion {
+  kind: "convert-region";
+  id: number;
+  region: string;
+}
+/**
  * Create a device from the uploaded body, and open it.
  *
  *     Attributes:
@@ -259,6 +334,31 @@ export interface DeletePoint {
   id: number;
   cord: string;
   index: number;
+}
+/**
+ * Delete poses, and the mixed states that contain them.
+ */
+export interface DeletePoses {
+  kind: "delete-poses";
+  id: number;
+  poses: string[];
+}
+/**
+ * Delete a pull.
+ */
+export interface DeletePull {
+  kind: "delete-pull";
+  id: number;
+  pose: string;
+  index: number;
+}
+/**
+ * Delete regions that no pose uses.
+ */
+export interface DeleteRegions {
+  kind: "delete-regions";
+  id: number;
+  regions: string[];
 }
 /**
  * Interpret the uploaded body in a unit, or scale it to a size.
@@ -327,6 +427,22 @@ export interface DuplicateCord {
   cord: string;
 }
 /**
+ * Add a copy of a pose.
+ */
+export interface DuplicatePose {
+  kind: "duplicate-pose";
+  id: number;
+  pose: string;
+}
+/**
+ * Add a copy of a region, a little beside it.
+ */
+export interface DuplicateRegion {
+  kind: "duplicate-region";
+  id: number;
+  region: string;
+}
+/**
  * Compute the error on the surface in a state.
  *
  *     It is answered with the arrays `rest` (v, 3) mm, `moved` (v, 3) mm, `faces` (f, 3), `edges`
@@ -355,6 +471,21 @@ export interface EvaluateModel {
 export interface ExportDevice {
   kind: "export-device";
   id: number;
+}
+/**
+ * Fit a box about surface points.
+ *
+ *     Attributes:
+ *         region: The region that it replaces; empty for a new one.
+ *         low: Smallest coordinates (3,) of the points, mm.
+ *         high: Largest coordinates (3,), mm.
+ */
+export interface FitRegion {
+  kind: "fit-region";
+  id: number;
+  region: string;
+  low: number[];
+  high: number[];
 }
 /**
  * Fit the cord's response to the specimens; to simulated ones only without measured ones.
@@ -635,6 +766,24 @@ export interface RenameDevice {
   name: string;
 }
 /**
+ * Rename a pose, also in mixed states.
+ */
+export interface RenamePose {
+  kind: "rename-pose";
+  id: number;
+  pose: string;
+  name: string;
+}
+/**
+ * Rename a region, also in poses.
+ */
+export interface RenameRegion {
+  kind: "rename-region";
+  id: number;
+  region: string;
+  name: string;
+}
+/**
  * Remove a key from `device.toml`, so that its default holds.
  */
 export interface ResetField {
@@ -702,6 +851,15 @@ export interface SetFreedoms {
   free: ("ends" | "offset" | "path" | "plane")[];
 }
 /**
+ * Set gravity (3,) in multiples of standard gravity; zero removes it.
+ */
+export interface SetGravity {
+  kind: "set-gravity";
+  id: number;
+  pose: string;
+  gravity: number[];
+}
+/**
  * Set a parameter of the body's script; the body follows.
  */
 export interface SetParameter {
@@ -709,6 +867,105 @@ export interface SetParameter {
   id: number;
   name: string;
   value: number | boolean | string;
+}
+/**
+ * Set the point (3,) mm about which a region turns; None for its center.
+ */
+export interface SetPivot {
+  kind: "set-pivot";
+  id: number;
+  pose: string;
+  region: string;
+  about: number[] | null;
+}
+/**
+ * Set the pressure in a region, MPa; None removes it.
+ */
+export interface SetPressure {
+  kind: "set-pressure";
+  id: number;
+  pose: string;
+  region: string;
+  value: number | null;
+}
+/**
+ * Change a pull; as `PullState`.
+ */
+export interface SetPull {
+  kind: "set-pull";
+  id: number;
+  pose: string;
+  index: number;
+  at: number[];
+  by: number[];
+  stiffness: number;
+}
+/**
+ * Set the shape of a region; as `RegionState`.
+ */
+export interface SetRegion {
+  kind: "set-region";
+  id: number;
+  region: string;
+  shape: "box" | "cylinder" | "half-space" | "sphere";
+  points: number[][];
+  radius: number;
+}
+/**
+ * Set what a pose does with a region.
+ *
+ *     Attributes:
+ *         center: Center (3,) of the region as shown, mm, where a region that is moved stays; None
+ *             for its place at rest.
+ */
+export interface SetRole {
+  kind: "set-role";
+  id: number;
+  pose: string;
+  region: string;
+  role: "free" | "held" | "moved" | "turned";
+  center: number[] | null;
+}
+/**
+ * Set the translation (3,) mm of a region; None is free.
+ */
+export interface SetShift {
+  kind: "set-shift";
+  id: number;
+  pose: string;
+  region: string;
+  shift: (number | null)[];
+}
+/**
+ * Keep a region in a plane with a normal (3,); None releases it.
+ */
+export interface SetSymmetry {
+  kind: "set-symmetry";
+  id: number;
+  pose: string;
+  region: string;
+  normal: number[] | null;
+}
+/**
+ * Set how a pose turns a region.
+ */
+export interface SetTurn {
+  kind: "set-turn";
+  id: number;
+  pose: string;
+  region: string;
+  turn: "angle" | "free" | "hinge";
+  axis: number[];
+  degrees: number;
+}
+/**
+ * Move a region by (3,) mm.
+ */
+export interface ShiftRegion {
+  kind: "shift-region";
+  id: number;
+  region: string;
+  by: number[];
 }
 /**
  * Solve a pose for this browser, and follow its changes until another pose is shown.
@@ -2613,6 +2870,10 @@ export interface HeldForce {
 }
 export interface Results {
   "add-next-cord": CordResult;
+  "add-pose": PoseResult;
+  "add-proposed": PoseResult;
+  "add-pull": null;
+  "add-region": RegionResult;
   "add-straight": CordResult;
   "add-stroke": CordResult;
   answer: null;
@@ -2621,18 +2882,25 @@ export interface Results {
   "close-device": null;
   "compare-cords": Comparison;
   "compare-layouts": null;
+  "convert-region": RegionResult;
   "create-from-body": null;
   "create-from-gallery": null;
   "delete-cords": null;
   "delete-point": null;
+  "delete-poses": null;
+  "delete-pull": null;
+  "delete-regions": null;
   "describe-upload": UploadedBody;
   "drag-plane": DragResult;
   "drag-point": DragResult;
   "drag-tangent": DragResult;
   "duplicate-cord": CordResult;
+  "duplicate-pose": PoseResult;
+  "duplicate-region": RegionResult;
   "error-map-of": null;
   "evaluate-model": null;
   "export-device": ExportResult;
+  "fit-region": RegionResult;
   "fit-response": null;
   "follow-ramp": null;
   "forget-device": null;
@@ -2661,6 +2929,8 @@ export interface Results {
   "refresh-choices": null;
   "rename-cord": null;
   "rename-device": null;
+  "rename-pose": null;
+  "rename-region": null;
   "reset-field": null;
   "reset-parameter": null;
   restore: null;
@@ -2668,7 +2938,17 @@ export interface Results {
   "search-next-cord": null;
   "set-field": null;
   "set-freedoms": null;
+  "set-gravity": null;
   "set-parameter": null;
+  "set-pivot": null;
+  "set-pressure": null;
+  "set-pull": null;
+  "set-region": RegionResult;
+  "set-role": null;
+  "set-shift": null;
+  "set-symmetry": null;
+  "set-turn": null;
+  "shift-region": null;
   "show-pose": null;
   "show-section": null;
   "simulate-specimens": null;
@@ -2700,6 +2980,23 @@ export interface Results {
  */
 export interface CordResult {
   name: string;
+}
+/**
+ * The pose that was added.
+ */
+export interface PoseResult {
+  name: string;
+}
+/**
+ * The region that was added or changed.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         count: Number of surface points that it holds.
+ */
+export interface RegionResult {
+  name: string;
+  count: number;
 }
 /**
  * Two cords next to each other; see `workflow.design.layout_judge.CordComparison`.

@@ -17,7 +17,6 @@ const FIELD_OF_VIEW_DEG = 28;
 const SMALLEST_FIELD_DEG = 1;
 const CHANGE_MS = 320;
 const FIT_MARGIN = 1.1;
-/** Height at the upper edge that tools cover; the same is left free below. */
 const TOOLBAR_PX = 52;
 const FIT_STEPS = 4;
 const UP = new Vector3(0, 0, 1);
@@ -56,6 +55,8 @@ export class CameraRig {
   readonly orthographic = new OrthographicCamera();
   camera: PerspectiveCamera | OrthographicCamera = this.perspective;
   readonly controls: OrbitControls;
+  /** Height at the upper edge that is left free, and the same at the lower edge, px. */
+  marginHeight = TOOLBAR_PX;
   private width = 1;
   private height = 1;
   private readonly bounds = { center: new Vector3(), radius: 50 };
@@ -174,6 +175,17 @@ export class CameraRig {
     this.go({ ...view, target: point.clone(), height }, true);
   }
 
+  /** Set what Fit shows, and keep the share of the picture that it fills. */
+  follow(box: Box3): void {
+    const view = this.goal();
+    const before = this.fitted(view.turn, view.up, view.fieldDeg);
+    this.setBounds(box);
+    const after = this.fitted(view.turn, view.up, view.fieldDeg);
+    const target = view.target.add(after.target).sub(before.target);
+    this.change = null;
+    this.show({ ...view, target, height: (view.height * after.height) / before.height });
+  }
+
   /** Face a plane in an orthographic view, its x axis to the right, until `leave`. */
   face({ axes }: Frame): void {
     this.leftView ??= this.goal();
@@ -282,7 +294,7 @@ export class CameraRig {
     const isFlat = fieldDeg < SMALLEST_FIELD_DEG;
     const slope = tangent(Math.max(fieldDeg, SMALLEST_FIELD_DEG)) / FIT_MARGIN;
     const aspect = this.width / this.height;
-    const crop = this.height / Math.max(this.height - 2 * TOOLBAR_PX, this.height / 2);
+    const crop = this.height / Math.max(this.height - 2 * this.marginHeight, this.height / 2);
     const points = this.corners.map((corner) =>
       corner.clone().sub(this.bounds.center).applyQuaternion(inverse),
     );

@@ -1,0 +1,1 @@
+"""Work in the background: child processes, and threads that handle the latest request."""

@@ -1,1 +1,0 @@
-"""The mode in which the user sets the body, the material, the cord and the printer."""

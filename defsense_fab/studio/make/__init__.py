@@ -1,1 +1,0 @@
-"""The mode that builds the device: its parts, their assembly, and the lists of materials."""

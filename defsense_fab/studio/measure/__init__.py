@@ -1,1 +1,0 @@
-"""The mode that calibrates, records, trains and runs the finished device."""

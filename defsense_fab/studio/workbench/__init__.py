@@ -1,1 +1,0 @@
-"""Code that all modes share: the page, the device, its poses, and background work."""
