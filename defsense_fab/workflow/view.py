@@ -19,6 +19,7 @@ from ..runtime.view.messages import Upload as Upload
 from ..runtime.view.surface_arrays import feature_edges as feature_edges
 from ..runtime.view.surface_arrays import surface_arrays as surface_arrays
 from ..runtime.view.web_server import HOST as HOST
+from ..runtime.view.web_server import MAX_UPLOAD_BYTES as MAX_UPLOAD_BYTES
 from ..runtime.view.web_server import Client as Client
 from ..runtime.view.web_server import Download as Download
 from ..runtime.view.web_server import WebServer as WebServer

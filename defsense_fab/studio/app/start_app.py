@@ -36,8 +36,7 @@ from ...workflow.starts.starting_devices import (
     StartingDevice,
     create_starting_device,
 )
-from ...workflow.upload_limit import MAX_UPLOAD_BYTES
-from ...workflow.view import Arrays, Client, Request, WebServer
+from ...workflow.view import MAX_UPLOAD_BYTES, Arrays, Client, Request, WebServer
 from ..messages import start as messages
 from ..project.agreement import Agreement
 from ..project.device_picture import picture_url, read_picture, store_picture
