@@ -218,6 +218,7 @@ def test_the_device_keeps_its_share_of_the_picture_while_joints_open(page):
     reach = f"Math.max(...{corners}.map(c => Math.max(Math.abs(c.x), Math.abs(c.y))))"
     before = page.js(reach)
     page.slide("open", 1)
+    page.page.wait_for_function(f"!{VIEW}.frame")  # is drawn
     assert page.js(reach) == pytest.approx(before, abs=0.02)
 
 

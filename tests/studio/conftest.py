@@ -1,17 +1,10 @@
-"""Pages of the studio on small built devices, without a browser."""
+"""Small built devices for tests of the studio."""
 
 from __future__ import annotations
-
-import shutil
-import socket
 
 import pytest
 
 from defsense_fab.cli.main import main
-from defsense_fab.runtime.view.page_server import close_page, serve_page
-from defsense_fab.studio.page.studio_page import StudioPage
-from defsense_fab.studio.project.agreement import Agreement
-from defsense_fab.studio.project.project import Project
 from tests.runtime.live.conftest import live_bar as live_bar_fixture
 from tests.support.body_scripts import write_bar
 from tests.support.places import BAR
@@ -21,24 +14,10 @@ from tests.twin.conftest import small_bar as small_bar_fixture
 small_bar, live_bar = small_bar_fixture, live_bar_fixture
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 @pytest.fixture(autouse=True)
 def own_settings(tmp_path, monkeypatch):
     """Keep tests away from the agreements of the user."""
     monkeypatch.setenv("DEFSENSE_CONFIG", str(tmp_path / "settings"))
-
-
-@pytest.fixture(scope="session")
-def studio_server():
-    pytest.importorskip("viser")
-    server = serve_page(free_port(), "test")
-    yield server
-    close_page(server)
 
 
 def make_bar(folder):
@@ -64,24 +43,3 @@ def make_bar(folder):
 def made_bar(tmp_path_factory):
     """Return the folder of a bar that the command line has built."""
     return fill_once(tmp_path_factory, "made-bar", make_bar)
-
-
-@pytest.fixture
-def made_page(studio_server, made_bar, tmp_path):
-    """Open the page of a copy of the built bar."""
-    yield from page_of(studio_server, made_bar, tmp_path / "bar")
-
-
-@pytest.fixture
-def studio_page(studio_server, live_bar, tmp_path):
-    """Open the page of a copy of a built bar, which a test may change."""
-    yield from page_of(studio_server, live_bar.folder, tmp_path / "bar")
-
-
-def page_of(studio_server, built, folder):
-    shutil.copytree(built, folder)
-    studio_server.gui.reset()
-    studio_server.scene.reset()
-    page = StudioPage(studio_server, Project(folder), Agreement(trusted=True))
-    yield page
-    page.close()

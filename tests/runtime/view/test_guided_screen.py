@@ -1,9 +1,10 @@
-"""A guided run on the page: texts, buttons, bars, plots and pictures."""
+"""A guided run on the pages of a server: texts, keys, bars, plots and pictures."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,17 +12,12 @@ from defsense_fab.core.guided_parts import Bars, Curve, Picture, Plot
 from defsense_fab.core.guided_run import STOP, GuidedView, Key, RunState
 from defsense_fab.core.progress import Notice
 from defsense_fab.runtime.view.guided_screen import (
-    BAND_COLOR,
-    HIGHLIGHT_RGB,
     PICTURE_WIDTH,
-    STATE_COLORS,
     GuidedScreen,
-    part_html,
-    small_picture,
-    view_text,
+    guided_state,
+    picture_jpeg,
 )
-from defsense_fab.runtime.view.page_server import close_page, serve_page
-from tests.runtime.view.test_page_server import free_port
+from defsense_fab.runtime.view.live_messages import GuidedState, PressKey
 
 TIMEOUT_S = 600.0
 OUTLINE = np.array([[[2.0, 2], [20, 2], [20, 20], [2, 20]]])
@@ -45,82 +41,120 @@ VIEW = GuidedView(
 )
 
 
-@pytest.fixture(scope="module")
-def page():
-    pytest.importorskip("viser")
-    server = serve_page(free_port(), "test")
-    yield server
-    close_page(server)
+class Pages:
+    """Keeps what is published."""
+
+    def __init__(self):
+        self.states, self.pictures = [], {}
+
+    def publish(self, event):
+        assert isinstance(event, GuidedState)
+        self.states.append(event)
+
+    def publish_arrays(self, arrays):
+        self.pictures[arrays.name] = arrays.arrays["jpeg"]
 
 
-def test_state_and_keys_of_the_phase_are_shown(page):
-    folder = page.gui.add_folder("test")
-    screen = GuidedScreen(page, folder, "Recording")
+@pytest.fixture
+def pages():
+    return Pages()
+
+
+@pytest.fixture
+def screen(pages):
+    screen = GuidedScreen(pages, "Recording")
     screen.text_interval_s = screen.picture_interval_s = 0.0
+    return screen
+
+
+def press(screen, key, step, phase):
+    screen.handle_key(None, PressKey(id=1, key=key, step=step, phase=phase))
+
+
+def test_state_and_keys_of_the_phase_are_shown(screen, pages):
+    assert pages.states[-1].run == "Recording"
     screen.show(VIEW)
-    assert screen.view is VIEW
-    assert set(screen.pictures) == {"cam_0", "cam_1"}
-    active = replace(VIEW.state, phase="active", keys=(Key("r", "repeat", "repeat"), STOP))
-    screen.show(replace(VIEW, state=active))
-    assert screen.view.state is active
-    screen.press("r")
-    assert screen.key(TIMEOUT_S) == "r"
+    state = pages.states[-1]
+    assert (state.phase, state.step, state.done) == ("ready", 1, [0])
+    assert [(k.name, k.label) for k in state.keys] == [("enter", "start"), ("q", "stop")]
+    assert (state.instruction, state.status) == (VIEW.instruction, list(VIEW.status))
+    assert state.notes == [str(VIEW.notes[0])]
     screen.close()
-    folder.remove()
+    assert pages.states[-1].run == ""
 
 
-def test_updates_are_limited_but_the_end_is_shown(page):
-    folder = page.gui.add_folder("test")
-    screen = GuidedScreen(page, folder, "Recording")
-    screen.text_interval_s = TIMEOUT_S
+def test_keys_of_another_step_or_phase_are_ignored(screen):
     screen.show(VIEW)
+    press(screen, "enter", 0, "ready")
+    press(screen, "enter", 1, "active")
+    assert screen.key(0.0) is None
+    press(screen, "enter", 1, "ready")
+    assert screen.key(TIMEOUT_S) == "enter"
+
+
+def test_updates_are_limited_but_the_end_is_shown(screen, pages):
+    screen.show(VIEW)
+    screen.text_interval_s = TIMEOUT_S
     screen.show(replace(VIEW, title="later"))
     assert screen.view is VIEW
     end = replace(VIEW, state=replace(VIEW.state, phase="done", keys=()))
     screen.show(end)
     assert screen.view is end
-    screen.close()
-    folder.remove()
+    assert pages.states[-1].phase == "done"
 
 
-def test_text_has_the_step_the_instruction_and_the_notes():
-    text = view_text(VIEW)
-    for part in (VIEW.title, VIEW.instruction, VIEW.status[0], f"- **{VIEW.notes[0]}**"):
-        assert part in text
+def test_an_equal_state_is_sent_once(screen, pages):
+    for _ in range(3):
+        screen.show(VIEW)
+    assert len(pages.states) == 2  # with the first one
 
 
-def test_bars_show_their_state_and_the_expected_range():
-    bars = Bars(np.array([[0.5], [0.9]]), bands=np.array([[0.4, 0.6]] * 2), states=("ok", "fault"))
-    text = part_html(bars)
-    assert text.count(BAND_COLOR) == 2
-    assert STATE_COLORS["ok"] in text
-    assert STATE_COLORS["fault"] in text
-    assert "left:40.0%;width:20.0%" in text
+def test_alerts_are_counted_even_between_updates(screen, pages):
+    active = replace(VIEW, state=replace(VIEW.state, phase="active"))
+    screen.show(active)
+    screen.text_interval_s = TIMEOUT_S
+    screen.show(replace(active, alert=True))
+    screen.show(VIEW)  # the step is complete
+    screen.text_interval_s = 0.0
+    screen.show(VIEW)
+    assert pages.states[-1].alerts == 2
 
 
-def test_bars_show_the_filled_parts():
-    page = part_html(COVERAGE)
-    assert "bend&lt;b&gt;" in page
-    assert (page.count("width:100%"), page.count("width:0%")) == (1, 4)
-    assert COVERAGE.texts[0] in page
+def test_bars_have_their_state_and_the_expected_range():
+    bars = Bars(np.array([[0.5], [1.9]]), bands=np.array([[0.4, 0.6]] * 2), states=("ok", "fault"))
+    (part,) = guided_state("", replace(VIEW, parts=(bars,))).parts
+    assert part.values == [[0.5], [1.0]]
+    assert part.bands == [[0.4, 0.6]] * 2
+    assert part.states == ["ok", "fault"]
+    (part,) = guided_state("", replace(VIEW, parts=(COVERAGE,))).parts
+    assert part.values == [[0, 1, 0, 0, 0]]
+    assert (part.names, part.texts, part.bands, part.colors) == (["bend<b>"], ["up to 40%"], [], [])
 
 
-def test_plot_has_valid_points_and_a_legend():
-    page = part_html(PLOT)
-    assert 'points="0.0,65.0 260.0,32.5"' in page
-    assert page.count("<circle") == 1
-    assert "b&lt;i&gt;" in page
-    assert "nan" not in page
+def test_plots_have_valid_points_only():
+    plot = guided_state("", VIEW).parts[3]
+    assert (plot.curves[0].x, plot.curves[0].y) == ([-2, 0], [0, 0.5])
+    assert [c.is_line for c in plot.curves] == [True, False]
+    assert (plot.x, plot.y, plot.aspect) == ([-2, 0], [-1, 1], 0.5)
 
 
-def test_bar_shows_its_value():
-    page = part_html(VIEW.parts[2])
-    assert "+1.00%" in page
-    assert "width:5%" in page
+def test_pictures_are_sent_as_jpeg(screen, pages):
+    screen.show(VIEW)
+    parts = pages.states[-1].parts
+    assert [p.has_image for p in parts[:2]] == [True, False]
+    assert set(pages.pictures) == {parts[0].array}
+    image = cv2.imdecode(pages.pictures[parts[0].array], cv2.IMREAD_COLOR)
+    assert image.shape == (48, 64, 3)
+    assert image.max() > 100  # the outlines
 
 
-def test_pictures_are_small_and_have_outlines():
-    picture = small_picture(PICTURES[0])
-    assert picture.shape == (240, PICTURE_WIDTH, 3)
-    assert (picture.reshape(-1, 3) == HIGHLIGHT_RGB).all(axis=1).any()
-    assert small_picture(PICTURES[1]).shape == (180, PICTURE_WIDTH, 3)
+def test_large_pictures_are_reduced():
+    large = replace(PICTURES[0], image=np.zeros((960, 1280, 3), np.uint8))
+    image = cv2.imdecode(picture_jpeg(large), cv2.IMREAD_COLOR)
+    assert image.shape == (PICTURE_WIDTH * 3 // 4, PICTURE_WIDTH, 3)
+
+
+def test_a_state_can_be_sent_without_keys(screen, pages):
+    state = replace(VIEW.state, keys=(Key("r", "", "repeat"),))
+    screen.show(replace(VIEW, state=state))
+    assert pages.states[-1].keys[0].label == ""

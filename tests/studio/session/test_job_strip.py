@@ -6,7 +6,7 @@ import pytest
 
 from defsense_fab.core.errors import DefsenseError
 from defsense_fab.studio.session.job_strip import JobStrip, Work
-from defsense_fab.studio.workbench.background_job import CANCELLED
+from defsense_fab.studio.background.background_job import CANCELLED
 from tests.support.errors import raises
 
 TIMEOUT_S = 60.0

@@ -15,7 +15,7 @@ from defsense_fab.studio.messages.body import (
 )
 from defsense_fab.studio.messages.shell import Question
 from defsense_fab.studio.session.job_strip import JobStrip
-from defsense_fab.studio.workbench.background_job import CANCELLED
+from defsense_fab.studio.background.background_job import CANCELLED
 from defsense_fab.workflow.build.results import Build
 from defsense_fab.workflow.view import Problem
 from tests.conftest import box_surface

@@ -14,7 +14,7 @@ from defsense_fab.store.build import Build
 from defsense_fab.studio.messages import optimize as messages
 from defsense_fab.studio.steps.optimize.standing import Facts, optimize_state
 from defsense_fab.studio.steps.optimize.step import OptimizeStep
-from defsense_fab.studio.workbench.build_job import CandidateLayout
+from defsense_fab.studio.background.build_job import CandidateLayout
 from tests.support.errors import raises
 
 TIMEOUT_S = 600.0

@@ -1,4 +1,4 @@
-// Labels on the regions of the shown pose, and lines from pulled points to where they are pulled.
+// Labels on the regions of the shown pose, axes of hinges, and lines to where points are pulled.
 import { effect } from "@preact/signals";
 import { Vector3 } from "three";
 import type { PoseState } from "../../protocol/messages";
@@ -7,9 +7,11 @@ import type { Viewer } from "../../scene/viewer";
 import { isHidden, select } from "../../state/selection";
 import { titleOf } from "./pose-gizmo";
 import { shownVertices } from "./display";
-import { centers, chosenGrip, editedRegion, grip, meshedBody, regions, shownPose, shownProposal } from "./state";
+import { centers, chosenGrip, editedRegion, grip, meshedBody, posesState, regions, shownPose, shownProposal } from "./state";
 import { poseProblem } from "./warnings";
 
+/** Half the length of a hinge's axis, times the body's size. */
+const HINGE_SHARE = 0.25;
 const SVG = "http://www.w3.org/2000/svg";
 
 /** Show labels and pulls; return a function that removes them. */
@@ -19,7 +21,7 @@ export function showPoseMarks(viewer: Viewer): () => void {
     const isEmpty = Boolean(shownProposal.value) || !meshedBody.value;
     viewer.labels.set("poses", isEmpty ? [] : pose ? poseLabels(pose) : regionLabels());
   });
-  const stopPulls = showPulls(viewer);
+  const stopPulls = showLines(viewer);
   return () => {
     stopLabels();
     stopPulls();
@@ -65,23 +67,50 @@ function regionLabels(): Label[] {
   }));
 }
 
-function showPulls(viewer: Viewer): () => void {
+/** A line in the scene between two points (3,), mm. */
+interface Line {
+  kind: "pull" | "hinge";
+  from: Vector3;
+  to: Vector3;
+}
+
+function poseLines(): Line[] {
+  const pose = shownPose.peek();
+  if (!pose || !meshedBody.peek() || shownProposal.peek()) return [];
+  const reach = HINGE_SHARE * (posesState.peek()?.size ?? 100);
+  const hinges = pose.handles.filter(({ turn }) => turn === "hinge");
+  return [
+    ...pose.pulls.map(({ at, by }): Line => {
+      const goal = new Vector3().fromArray(at.map((value, i) => value + by[i]!));
+      return { kind: "pull", from: movedPoint(at), to: goal };
+    }),
+    ...hinges.map(({ region, axis, center, about }): Line => {
+      const middle = about ?? centers.peek()[region] ?? center;
+      const end = (sign: number) =>
+        new Vector3().fromArray(middle).addScaledVector(new Vector3().fromArray(axis), sign * reach);
+      return { kind: "hinge", from: end(-1), to: end(1) };
+    }),
+  ];
+}
+
+function showLines(viewer: Viewer): () => void {
   const svg = document.createElementNS(SVG, "svg");
-  svg.setAttribute("class", "pose-pulls");
+  svg.setAttribute("class", "pose-lines");
   svg.setAttribute("aria-hidden", "true");
   viewer.overlay.prepend(svg);
   const lines: SVGLineElement[] = [];
   const place = () => {
-    const pulls = shownProposal.peek() ? [] : (shownPose.peek()?.pulls ?? []);
-    while (lines.length > pulls.length) lines.pop()!.remove();
-    while (lines.length < pulls.length) {
+    const shown = poseLines();
+    while (lines.length > shown.length) lines.pop()!.remove();
+    while (lines.length < shown.length) {
       const line = document.createElementNS(SVG, "line");
       svg.append(line);
       lines.push(line);
     }
-    pulls.forEach(({ at, by }, k) => {
-      const [x1, y1] = viewer.project(movedPoint(at));
-      const [x2, y2] = viewer.project(new Vector3().fromArray(at.map((value, i) => value + by[i]!)));
+    shown.forEach(({ kind, from, to }, k) => {
+      const [x1, y1] = viewer.project(from);
+      const [x2, y2] = viewer.project(to);
+      lines[k]!.setAttribute("class", kind);
       for (const [key, value] of Object.entries({ x1, y1, x2, y2 })) {
         lines[k]!.setAttribute(key, value.toFixed(1));
       }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 import threading
 
-from defsense_fab.studio.workbench.latest_worker import LatestWorker
+from defsense_fab.studio.background.latest_worker import LatestWorker
 
 TIMEOUT_S = 600.0
 

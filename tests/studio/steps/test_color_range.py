@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from defsense_fab.studio.inside.color_range import range_of, round_range
+from defsense_fab.studio.steps.inside.color_range import range_of, round_range
 
 
 @pytest.mark.parametrize(

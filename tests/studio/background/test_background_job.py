@@ -7,14 +7,14 @@ import threading
 import pytest
 
 from defsense_fab.core.errors import StorageError
-from defsense_fab.studio.workbench.background_job import (
+from defsense_fab.studio.background.background_job import (
     CANCELLED,
     PAUSE,
     RESUME,
     BackgroundJob,
     JobReporter,
 )
-from defsense_fab.studio.workbench.build_job import run_build
+from defsense_fab.studio.background.build_job import run_build
 
 TIMEOUT_S = 600.0
 
