@@ -12,9 +12,9 @@ import pytest
 from defsense_fab.core.errors import StorageError
 from defsense_fab.studio.messages import make as messages
 from defsense_fab.studio.steps.make.assembly_ticks import AssemblyTicks
+from defsense_fab.studio.steps.make.build_state import BuildState
 from defsense_fab.studio.steps.make.state_texts import make_state
 from defsense_fab.studio.steps.make.step import MakeStep
-from defsense_fab.studio.workbench.build_state import BuildState
 from defsense_fab.workflow.view import Problem
 from tests.studio.devices import write_device
 from tests.studio.steps.conftest import open_app

@@ -11,10 +11,10 @@ from defsense_fab.core.curve import Hermite
 from defsense_fab.core.errors import LayoutError, StorageError
 from defsense_fab.report.surface_errors import surface_errors
 from defsense_fab.store.build import Build
+from defsense_fab.studio.background.build_job import CandidateLayout
 from defsense_fab.studio.messages import optimize as messages
 from defsense_fab.studio.steps.optimize.standing import Facts, optimize_state
 from defsense_fab.studio.steps.optimize.step import OptimizeStep
-from defsense_fab.studio.background.build_job import CandidateLayout
 from tests.support.errors import raises
 
 TIMEOUT_S = 600.0
