@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...core.device.device import FabricationSpec
 
-#: Speed of the nozzle. NinjaTek recommends 15 to 35 mm/s for soft filament (NinjaFlex 85A).
+#: Speed of the nozzle with soft filament; assumed, as printers and filaments differ.
 SPEED_MM_S = 25.0
 #: Time of each part for travel to it in each layer; assumed.
 PART_S = 120.0

@@ -109,7 +109,7 @@ class OptimizeStep(Step):
                 code="no-layout",
                 action="Choose another layout",
             )
-        self._use(layout.sensors, f"use the layout “{request.name}”")
+        self._use(layout.sensors, f"use the layout `{request.name}`")
 
     def _use_best(self, _: Client, __: messages.UseBest) -> None:
         best = self.watch.record.best

@@ -1,7 +1,6 @@
 // The steps of the assembly as a film strip, with a tick box for each.
 import { useEffect, useRef } from "preact/hooks";
 import type { GuideStage } from "../../protocol/messages";
-import { EmptyState } from "../../ui/feedback";
 import { doneCount, isDone, showStage, stageIndex, stages, tick } from "./state";
 import { ALL_PARTS, thumbnails } from "./thumbnails";
 
@@ -21,7 +20,7 @@ export function FilmStrip() {
     if (!isVisible) strip.scrollTo({ left, behavior: "smooth" });
   }, [shown]);
   if (stages.value.length === 0) {
-    return <EmptyState icon="make" text="The steps of the assembly appear here once the parts are built." />;
+    return <p class="film-empty">The steps of the assembly appear here once the parts are built.</p>;
   }
   const onKeyDown = (event: KeyboardEvent) => {
     const last = stages.value.length - 1;

@@ -95,8 +95,10 @@ export function attachParts(viewer: Viewer): () => void {
       const current = stage.value;
       const hiddenNames = new Set(hiddenParts.value);
       const show = (share: number) => {
-        const arrangement = arrange(guide.value!, parts.value, current, share);
-        layer.apply(arrangement, { cord, wire }, hiddenNames, place.value !== null);
+        const arranged = arrange(guide.value!, parts.value, current, share);
+        // A warning is mostly about a cord, which is inside.
+        const shown = place.value ? { ...arranged, cords: guide.value!.cords } : arranged;
+        layer.apply(shown, { cord, wire }, hiddenNames, place.value !== null);
       };
       const key = `${id} ${current?.id ?? ""} ${place.value ? "place" : ""}`;
       if (key !== framed && !place.value) {
@@ -140,7 +142,7 @@ export function attachParts(viewer: Viewer): () => void {
 function labels(layer: PartsLayer) {
   const pins = stage.value?.joint?.pins ?? [];
   return [
-    ...layer.middles().map(({ name, at }) => ({
+    ...(place.value ? [] : layer.middles()).map(({ name, at }) => ({
       id: `part ${name}`,
       text: name,
       at,

@@ -87,7 +87,11 @@ function Comparison() {
           onHover={(name) => (hoveredName.value = name)}
         />
       ) : (
-        <p class="chart-empty">Compare all to compute these numbers.</p>
+        <p class="chart-empty">
+          {rows.value.some(({ role }) => role === "built")
+            ? "Compare all to compute these numbers."
+            : "These numbers are known after a search."}
+        </p>
       )}
       <div class="layout-table">
         <LayoutTable />

@@ -4,6 +4,7 @@ import { attachErrorMap } from "./error-map";
 import { attachGhosts } from "./ghosts";
 import { OptimizeInspector } from "./inspector";
 import { OptimizeLegend } from "./legend";
+import "./charts/charts.css";
 import "./optimize.css";
 
 registerStep("optimize", {

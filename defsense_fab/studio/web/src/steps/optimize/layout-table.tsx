@@ -16,7 +16,7 @@ export function LayoutTable() {
         { title: "Print", cell: ({ printHours }) => unit(printHours, 0, "h"), isNumber: true },
         { title: "Cord", cell: ({ length }) => unit(length && length / 10, 0, "cm"), isNumber: true },
         { title: "Planes", cell: ({ planes }) => planes, isNumber: true },
-        { title: "", cell: use },
+        { title: "Use", cell: use },
       ]}
       rows={rows.value}
       rowKey={(row) => row.name}

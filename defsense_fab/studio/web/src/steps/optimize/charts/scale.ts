@@ -12,9 +12,11 @@ export function linearScale(values: readonly number[], from: number, to: number,
   const room = (high - low) * margin || Math.abs(high) * 0.05 || 1;
   low -= room;
   high += room;
+  const ticks = roundTicks(low, high);
+  const areCounts = values.every(Number.isInteger);
   return {
     at: (value) => from + ((value - low) / (high - low)) * (to - from),
-    ticks: roundTicks(low, high),
+    ticks: areCounts ? ticks.filter(Number.isInteger) : ticks,
   };
 }
 
