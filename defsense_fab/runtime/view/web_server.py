@@ -37,7 +37,7 @@ _UPLOAD_HEADER_BYTES = 4  # number of the request that announced the file
 _MAX_UPLOADS = 4  # in progress at the same time
 _MAX_WAITING_REQUESTS = 200  # of one browser; a page waits for answers long before
 #: Of messages to one browser that it has not read; a page that reads has far fewer.
-_MAX_UNREAD_MESSAGES, _MAX_UNREAD_BYTES = 2000, 256 * 1024 * 1024
+_MAX_UNREAD_MESSAGES, _MAX_UNREAD_BYTES = 2000, 128 * 1024 * 1024
 _START_TIMEOUT_S, _STOP_TIMEOUT_S = 10.0, 5.0
 _HEADERS = {
     "Cache-Control": "no-cache",
