@@ -97,12 +97,6 @@ def _usd(path):
     require_usd(path / "a.usdz")
 
 
-def _page(path):
-    from defsense_fab.runtime.view.page_server import serve_page
-
-    serve_page(0, "a page")
-
-
 def _cluster(path):
     from defsense_fab.workflow.build.cluster import connect
 
@@ -118,7 +112,6 @@ def _cluster(path):
         ("pyarrow", "exchange", _dataset),
         ("pyxdf", "exchange", _xdf),
         ("pxr", "animation", _usd),
-        ("viser", "live", _page),
         ("distributed", "cluster", _cluster),
     ],
 )
