@@ -22,10 +22,6 @@ _MODULES = {"python-rtmidi": "rtmidi", "usd-core": "pxr"}
 _GUARDED_ELSEWHERE = {
     "runtime/recording/usd_animation.py": "require_usd is called before",
     "runtime/outputs/lsl_output.py": "live_file guards the import of this module",
-    "runtime/outputs/websocket_output.py": "live_file guards the import of this module",
-    "runtime/view/live_view.py": "drawn on a page that serve_page has opened",
-    "workflow/upload_limit.py": "drawn on a page that serve_page has opened",
-    "studio/optimize/watched_search.py": "drawn on a page that serve_page has opened",
     "runtime/outputs/midi_ports.py": "describes itself which of two packages has it",
     "workflow/build/cluster.py": "called once `connect` has imported it",
 }
