@@ -1,7 +1,7 @@
 // What the section shows, where its plane is, the numbers of a point, and the next cord.
 import { connection, device, isJobActive } from "../../state/connection";
 import { run } from "../../state/run";
-import { enterStep, mainVariant } from "../../state/step";
+import { enterStep } from "../../state/step";
 import { Button } from "../../ui/button";
 import { EmptyState } from "../../ui/feedback";
 import { MenuButton } from "../../ui/menu";
