@@ -215,13 +215,15 @@ class WebServer:
         self._lock = threading.Lock()
         self.clients: set[Client] = set()
         self._application: Application | None = None
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._loop: asyncio.AbstractEventLoop | None = None  # while it listens
+        self._thread: threading.Thread | None = None
         self._server: Any = None
 
     def start(self, application: Application) -> None:
         """Listen, and hand requests to an application."""
         self._application = application
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
         starting = asyncio.run_coroutine_threadsafe(self._start(), self._loop)
         self._server = starting.result(_START_TIMEOUT_S)
@@ -241,13 +243,16 @@ class WebServer:
             self._kept.clear()
 
     def close(self) -> None:
-        """Close all connections and stop to listen."""
+        """Close all connections and stop to listen, if it listens."""
+        loop, self._loop = self._loop, None
+        if loop is None or self._thread is None:
+            return
         if self._server is not None:
-            stopping = asyncio.run_coroutine_threadsafe(self._stop(), self._loop)
+            stopping = asyncio.run_coroutine_threadsafe(self._stop(), loop)
             stopping.result(_STOP_TIMEOUT_S)
-        self._loop.call_soon_threadsafe(self._loop.stop)
+        loop.call_soon_threadsafe(loop.stop)
         self._thread.join(_STOP_TIMEOUT_S)
-        self._loop.close()
+        loop.close()
 
     def _publish(self, key: object, content: str | bytes) -> None:
         with self._lock:
@@ -317,7 +322,7 @@ class WebServer:
 
     async def _serve(self, connection: Any) -> None:
         assert self._application is not None
-        client = Client(self._loop, connection)
+        client = Client(asyncio.get_running_loop(), connection)
         with self._lock:
             self.clients.add(client)
             for key, kept in self._kept.items():
