@@ -42,7 +42,7 @@ class DeviceApp:
             shell,
             BodyStep(self.session),
             PosesStep(self.session),
-            SensorsStep(self.session, shell.show_violations),
+            SensorsStep(self.session, shell.follow_cords),
             InsideStep(self.session),
             OptimizeStep(self.session),
             MakeStep(self.session),

@@ -19,6 +19,7 @@ class Progress:
         cords: Number of drawn cords.
         proposed: Number of cords that the optimizer adds.
         has_violations: Whether the drawn cords break a limit.
+        is_built_drawn: Whether the drawn cords are those that the last search has found.
         noun: What one sensor is called.
         has_model: Whether a model was trained.
     """
@@ -29,6 +30,7 @@ class Progress:
     cords: int
     proposed: int
     has_violations: bool
+    is_built_drawn: bool
     noun: str
     has_model: bool
 
@@ -167,7 +169,10 @@ def _measure(p: Progress) -> tuple[StepState, str]:
 
 
 def _state(p: Progress, stage: str) -> str:
-    return p.freshness.get(stage, "missing")
+    state = p.freshness.get(stage, "missing")
+    if stage == "optimize" and state == "old" and p.is_built_drawn:
+        return _state(p, "simulate")  # the search would find the drawn cords again
+    return state
 
 
 def _step(name: str) -> StepName:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from ...core.curve import Hermite, catmull_rom
+from ...core.curve import Hermite, catmull_rom, sample_path
 from ...core.device.device import Sensor
 from ...core.errors import DefsenseError, DeviceError, LayoutError
 from ...workflow.build.results import has_layout
@@ -29,9 +29,16 @@ _STRAIGHT_RADIUS_MM = 1000.0  # a cord with a larger radius is shown as straight
 _MAX_INLET_MM = 1e3  # an inlet that does not leave the body is infinite
 _SHIFT = 0.04  # of a copy from its original, times the body's size
 _MAX_SHOWN_PLACES = 400  # where limits are broken
+_EQUAL_PATHS_MM = 0.02  # by which equal paths may differ, as the file has three decimals
 _SNAP_TEXTS = {"surface": "surface", "middle": "middle of the body"}
 
 Cords = tuple[Sensor, ...]
+
+
+class CordsCallback(Protocol):
+    """Follows what is true of the drawn cords."""
+
+    def __call__(self, *, has_violations: bool, is_built_drawn: bool) -> None: ...
 
 
 class SensorsStep(Step):
@@ -39,15 +46,16 @@ class SensorsStep(Step):
 
     Args:
         session: The device.
-        on_violations: Called with whether the drawn cords break a limit.
+        on_cords: Called with whether the drawn cords break a limit, and whether the last search
+            has found them.
 
     Attributes:
         prediction: What was published last, or None.
     """
 
-    def __init__(self, session: DeviceSession, on_violations: Callable[[bool], None]) -> None:
+    def __init__(self, session: DeviceSession, on_cords: CordsCallback) -> None:
         super().__init__(session)
-        self._on_violations = on_violations
+        self._on_cords = on_cords
         self.prediction: messages.Prediction | None = None
         self._worker = LatestWorker[Cords](self._judge_drawn, session.show_error)
         self._snapper: tuple[object, Snapper] | None = None
@@ -211,7 +219,7 @@ class SensorsStep(Step):
     def _add_stroke(self, _: Client, request: messages.AddStroke) -> messages.CordResult:
         self._vertices()
         plane = plane_of(request.origin, request.axes)
-        if any(len(point) != 2 for point in request.stroke):  # noqa: PLR2004 - a plane
+        if any(len(point) != 2 for point in request.stroke):
             raise LayoutError("a point of a stroke needs two numbers", code="invalid-point")
         stroke = np.array(request.stroke, float).reshape(-1, 2)
         assert self.session.surface is not None
@@ -296,7 +304,8 @@ class SensorsStep(Step):
         )
         self.session.server.publish(self.prediction)
         drawn = self.prediction.drawn
-        self._on_violations(drawn is not None and bool(drawn.violations))
+        has_violations = drawn is not None and bool(drawn.violations)
+        self._on_cords(has_violations=has_violations, is_built_drawn=is_drawn)
 
     def _built(self) -> tuple[float | None, bool]:
         """Return the error of the built cords, and whether they are the drawn ones."""
@@ -307,9 +316,8 @@ class SensorsStep(Step):
             layout = results.layout
         except (DefsenseError, OSError):  # a build replaces it, or it is damaged
             return None, False
-        built = [(c.name, rounded(c.sensor().curve.points)) for c in layout.by_channel()]
-        drawn = [(s.name, rounded(s.curve.points)) for s in self.session.device.sensors]
-        return layout.prediction.unseen, sorted(built) == sorted(drawn)
+        built = [record.sensor() for record in layout.by_channel()]
+        return layout.prediction.unseen, _are_equal(built, self.session.device.sensors)
 
 
 def judge(
@@ -366,6 +374,20 @@ def with_point(sensor: Sensor, index: int, point: Any) -> Sensor:
     if is_smooth(sensor.curve):
         tangents = catmull_rom(points)
     return replace(sensor, curve=Hermite(points, tangents))
+
+
+def _are_equal(some: Sequence[Sensor], others: Sequence[Sensor]) -> bool:
+    """Return whether cords have the same names and paths, up to the digits of `device.toml`."""
+    paths = {sensor.name: sample_path(sensor) for sensor in some}
+    if len(some) != len(others) or set(paths) != {sensor.name for sensor in others}:
+        return False
+    for sensor in others:
+        path = sample_path(sensor)
+        if path.shape != paths[sensor.name].shape:
+            return False
+        if np.abs(path - paths[sensor.name]).max() > _EQUAL_PATHS_MM:
+            return False
+    return True
 
 
 def _check_point(sensor: Sensor, index: int, point: Any) -> None:

@@ -19,9 +19,10 @@ class ShellStep(Step):
 
     Attributes:
         has_violations: Whether the drawn cords break a limit; set by the step Sensors.
+        is_built_drawn: Whether the last search has found the drawn cords; set as well.
     """
 
-    has_violations = False
+    has_violations = is_built_drawn = False
 
     @property
     def handlers(self) -> Mapping[type[Request], Handler]:
@@ -66,10 +67,10 @@ class ShellStep(Step):
     def on_freshness(self) -> None:
         self.publish_pipeline()
 
-    def show_violations(self, has_violations: bool) -> None:
-        """Follow whether the drawn cords break a limit."""
-        if has_violations != self.has_violations:
-            self.has_violations = has_violations
+    def follow_cords(self, *, has_violations: bool, is_built_drawn: bool) -> None:
+        """Follow whether the drawn cords break a limit, and whether a search has found them."""
+        if (has_violations, is_built_drawn) != (self.has_violations, self.is_built_drawn):
+            self.has_violations, self.is_built_drawn = has_violations, is_built_drawn
             self.publish_pipeline()
 
     def publish_pipeline(self) -> None:
@@ -84,6 +85,7 @@ class ShellStep(Step):
                     cords=len(device.sensors),
                     proposed=device.propose,
                     has_violations=self.has_violations,
+                    is_built_drawn=self.is_built_drawn,
                     noun=device.cord.noun,
                     has_model=(session.project.folder / MODEL).exists(),
                 )

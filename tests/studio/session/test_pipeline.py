@@ -11,7 +11,7 @@ def progress(current=(), old=(), **values):
     freshness = {s: "current" if s in current else "old" if s in old else "missing" for s in STAGES}
     defaults = {
         "has_body": True, "poses": 2, "cords": 2, "proposed": 0, "has_violations": False,
-        "noun": "cord", "has_model": False,
+        "is_built_drawn": False, "noun": "cord", "has_model": False,
     }  # fmt: skip
     return Progress(freshness=freshness, **{**defaults, **values})
 

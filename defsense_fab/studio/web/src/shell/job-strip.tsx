@@ -49,8 +49,9 @@ export function JobStrip() {
   const current = job.value;
   const isActive = current !== null && current.state !== "idle";
   const isShown = isActive || (isResultShown.value && Boolean(current?.title));
+  // The strip keeps its place, so that the scene does not move when a job starts or ends.
   return (
-    <footer class="job-strip" aria-label="Job" hidden={!isShown}>
+    <footer class={`job-strip ${isShown ? "" : "empty"}`} aria-label="Job">
       {isActive ? <RunningJob /> : isShown && <EndedJob />}
     </footer>
   );
