@@ -21,9 +21,8 @@ from urllib.parse import quote, unquote, urlsplit
 
 import msgspec
 
-from ...core.errors import DefsenseError, OutputError
+from ...core.errors import DefsenseError
 from ...core.machine.local_access import Access
-from ...core.machine.optional_libraries import optional
 from .messages import Arrays, Event, Problem, Reply, Request, Upload, encode_arrays
 from .page_guard import check_free, set_cookie, token_refusal
 
@@ -181,16 +180,15 @@ class WebServer:
         clients: The browsers that show the page.
 
     Raises:
-        OutputError: The port is in use, the host is not an address of this machine, or websockets
-            is not installed.
+        OutputError: The port is in use, or the host is not an address of this machine.
     """
 
     def __init__(
         self, port: int, access: Access, host: str = HOST, max_upload_bytes: int = MAX_UPLOAD_BYTES
     ) -> None:
-        with optional(OutputError, "the page", "live"):
-            import websockets.asyncio.server as sockets
-            from websockets.exceptions import ConnectionClosed
+        import websockets.asyncio.server as sockets
+        from websockets.exceptions import ConnectionClosed
+
         check_free(host, port)
         _socket_log.setLevel(logging.CRITICAL)
         self._listen, self._closed = sockets.serve, ConnectionClosed

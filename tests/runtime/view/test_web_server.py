@@ -13,16 +13,14 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
 
 from defsense_fab.core.errors import DeviceError, OutputError
 from defsense_fab.core.machine.local_access import Access
 from defsense_fab.runtime.view.messages import Arrays, Event, Problem, Request, Result, Upload
 from defsense_fab.runtime.view.web_server import SOCKET_PATH, Download, WebServer
 from tests.support.errors import raises
-
-pytest.importorskip("websockets")
-from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
 
 LONG = 240.0
 TOKEN = "t0ken-of-the-test"
