@@ -211,6 +211,8 @@ class SensorsStep(Step):
     def _add_stroke(self, _: Client, request: messages.AddStroke) -> messages.CordResult:
         self._vertices()
         plane = plane_of(request.origin, request.axes)
+        if any(len(point) != 2 for point in request.stroke):  # noqa: PLR2004 - a plane
+            raise LayoutError("a point of a stroke needs two numbers", code="invalid-point")
         stroke = np.array(request.stroke, float).reshape(-1, 2)
         assert self.session.surface is not None
         curve = fit_stroke(self.session.surface, plane, stroke)
