@@ -42,9 +42,9 @@ class DeviceApp:
             shell,
             BodyStep(self.session),
             PosesStep(self.session),
-            SensorsStep(self.session, shell.follow_cords),
+            SensorsStep(self.session, shell.show_violations),
             InsideStep(self.session),
-            OptimizeStep(self.session),
+            OptimizeStep(self.session, shell.show_optimized),
             MakeStep(self.session),
             MeasureStep(self.session, shell.publish_pipeline),
         )

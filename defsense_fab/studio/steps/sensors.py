@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -35,27 +35,20 @@ _SNAP_TEXTS = {"surface": "surface", "middle": "middle of the body"}
 Cords = tuple[Sensor, ...]
 
 
-class CordsCallback(Protocol):
-    """Follows what is true of the drawn cords."""
-
-    def __call__(self, *, has_violations: bool, is_built_drawn: bool) -> None: ...
-
-
 class SensorsStep(Step):
     """Edits cords, and predicts their error.
 
     Args:
         session: The device.
-        on_cords: Called with whether the drawn cords break a limit, and whether the last search
-            has found them.
+        on_violations: Called with whether the drawn cords break a limit.
 
     Attributes:
         prediction: What was published last, or None.
     """
 
-    def __init__(self, session: DeviceSession, on_cords: CordsCallback) -> None:
+    def __init__(self, session: DeviceSession, on_violations: Callable[[bool], None]) -> None:
         super().__init__(session)
-        self._on_cords = on_cords
+        self._on_violations = on_violations
         self.prediction: messages.Prediction | None = None
         self._worker = LatestWorker[Cords](self._judge_drawn, session.show_error)
         self._snapper: tuple[object, Snapper] | None = None
@@ -304,8 +297,7 @@ class SensorsStep(Step):
         )
         self.session.server.publish(self.prediction)
         drawn = self.prediction.drawn
-        has_violations = drawn is not None and bool(drawn.violations)
-        self._on_cords(has_violations=has_violations, is_built_drawn=is_drawn)
+        self._on_violations(drawn is not None and bool(drawn.violations))
 
     def _built(self) -> tuple[float | None, bool]:
         """Return the error of the built cords, and whether they are the drawn ones."""

@@ -19,10 +19,11 @@ class ShellStep(Step):
 
     Attributes:
         has_violations: Whether the drawn cords break a limit; set by the step Sensors.
-        is_built_drawn: Whether the last search has found the drawn cords; set as well.
+        is_optimized: Whether the drawn cords are the optimized ones; set by the step Optimize.
     """
 
-    has_violations = is_built_drawn = False
+    has_violations = False
+    is_optimized = False
 
     @property
     def handlers(self) -> Mapping[type[Request], Handler]:
@@ -67,10 +68,16 @@ class ShellStep(Step):
     def on_freshness(self) -> None:
         self.publish_pipeline()
 
-    def follow_cords(self, *, has_violations: bool, is_built_drawn: bool) -> None:
-        """Follow whether the drawn cords break a limit, and whether a search has found them."""
-        if (has_violations, is_built_drawn) != (self.has_violations, self.is_built_drawn):
-            self.has_violations, self.is_built_drawn = has_violations, is_built_drawn
+    def show_violations(self, has_violations: bool) -> None:
+        """Follow whether the drawn cords break a limit."""
+        if has_violations != self.has_violations:
+            self.has_violations = has_violations
+            self.publish_pipeline()
+
+    def show_optimized(self, is_optimized: bool) -> None:
+        """Follow whether the drawn cords are those that the last search found."""
+        if is_optimized != self.is_optimized:
+            self.is_optimized = is_optimized
             self.publish_pipeline()
 
     def publish_pipeline(self) -> None:
@@ -85,7 +92,7 @@ class ShellStep(Step):
                     cords=len(device.sensors),
                     proposed=device.propose,
                     has_violations=self.has_violations,
-                    is_built_drawn=self.is_built_drawn,
+                    is_optimized=self.is_optimized,
                     noun=device.cord.noun,
                     has_model=(session.project.folder / MODEL).exists(),
                 )

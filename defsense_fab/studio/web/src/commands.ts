@@ -53,12 +53,20 @@ export function runCommand(id: string): void {
   if (command && isAvailable(command)) command.run();
 }
 
+const KEY_NAMES: Record<string, string> = {
+  ArrowUp: "↑",
+  ArrowDown: "↓",
+  ArrowLeft: "←",
+  ArrowRight: "→",
+  Escape: "Esc",
+};
+
 /** The keys of a shortcut as they are printed, such as ["Ctrl", "Z"]. */
 export function shortcutKeys(shortcut: string): string[] {
   const names: Record<string, string> = isMac
     ? { Mod: "⌘", Shift: "⇧", Alt: "⌥", Delete: "⌫" }
     : { Mod: "Ctrl" };
-  return shortcut.split(/\+(?=.)/).map((key) => names[key] ?? key);
+  return shortcut.split(/\+(?=.)/).map((key) => names[key] ?? KEY_NAMES[key] ?? key);
 }
 
 const KEYLESS_INPUTS = new Set(["checkbox", "radio", "range", "button", "color", "file"]);

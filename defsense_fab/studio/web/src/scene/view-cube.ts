@@ -5,6 +5,8 @@ import { isDark } from "./theme";
 import type { Viewer } from "./viewer";
 
 const SIZE_PX = 92;
+/** Narrower scenes leave the room of the cube to tools. */
+const MIN_SCENE_PX = 420;
 
 Object3D.DEFAULT_UP.set(0, 0, 1);
 
@@ -39,7 +41,7 @@ export class ViewCube {
   /** Draw the cube over the present frame. */
   render(): void {
     const { rig } = this.viewer;
-    if (this.isHidden) return;
+    if (!this.gizmo.enabled) return;
     this.gizmo.camera = rig.camera;
     this.gizmo.target = rig.controls.target;
     if (!this.gizmo.animating) this.gizmo.cameraUpdate();
@@ -48,11 +50,12 @@ export class ViewCube {
 
   setHidden(isHidden: boolean): void {
     this.isHidden = isHidden;
-    this.gizmo.enabled = !isHidden;
+    this.enable();
     this.viewer.invalidate();
   }
 
   resize(): void {
+    this.enable();
     this.gizmo.domUpdate();
   }
 
@@ -64,6 +67,10 @@ export class ViewCube {
 
   dispose(): void {
     this.gizmo.dispose();
+  }
+
+  private enable(): void {
+    this.gizmo.enabled = !this.isHidden && this.viewer.width >= MIN_SCENE_PX;
   }
 
   private onEnd(): void {

@@ -51,11 +51,18 @@ function Headline() {
   return (
     <>
       <p class="headline" aria-live="polite">
-        <strong>{error === null ? "No prediction" : `${error.toFixed(2)} mm`}</strong>
-        <span>drawn</span>
-        <span class="separator">/</span>
-        {built !== null && <strong>{built.toFixed(2)} mm</strong>}
-        <span>{built === null ? "not built" : "built"}</span>
+        <span>
+          <strong>{error === null ? "No prediction" : `${error.toFixed(2)} mm`}</strong> drawn
+        </span>
+        <span>
+          {built === null ? (
+            "not built"
+          ) : (
+            <>
+              <strong>{built.toFixed(2)} mm</strong> built
+            </>
+          )}
+        </span>
       </p>
       <WorstPose />
       <p class="muted">
