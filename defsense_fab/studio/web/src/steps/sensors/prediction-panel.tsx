@@ -13,7 +13,7 @@ import { draggedJudgement, judgement } from "./state";
 /** How many times the headline's error a pose has that is marked. */
 const MUCH_WORSE = 2;
 /** Lines of the scale of errors. */
-const SCALE_PARTS = 4;
+const SCALE_PARTS = 2;
 
 export function PredictionPanel() {
   const state = prediction.value;
