@@ -68,7 +68,14 @@ export const pageCommands = (): readonly Command[] => [
     shortcut: String(index + 1),
     run: () => enterStep(name),
   })),
-  { id: "next", label: "Do the next action", group: "Steps", shortcut: "Mod+Enter", run: doNext },
+  {
+    id: "next",
+    label: "Do the next action",
+    group: "Steps",
+    shortcut: "Mod+Enter",
+    worksInFields: true,
+    run: doNext,
+  },
   {
     id: "pause",
     label: "Pause or resume the job",
