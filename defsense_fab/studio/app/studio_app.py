@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...core.device.device_file import DEVICE
-from ...core.errors import DefsenseError, StorageError
+from ...core.errors import DefsenseError
 from ...core.storage.files import write_text
 from ...core.version import __version__
 from ...workflow.view import Client, Download, Event, Problem, Request, WebServer
@@ -16,8 +16,11 @@ from ..messages.shell import Page, Restore
 from ..project.agreement import Agreement
 from ..project.history import last_valid_text
 from ..project.project import Project
-from .device_app import DeviceApp
+from .device_folder import check_folder
 from .start_app import StartApp
+
+if TYPE_CHECKING:
+    from .device_app import DeviceApp
 
 
 class StudioApp:
@@ -45,13 +48,7 @@ class StudioApp:
     decoder = DECODER
 
     def __init__(self, server: WebServer, folder: Path, agreement: Agreement) -> None:
-        if folder.exists() and not folder.is_dir():
-            raise StorageError(
-                "is not a folder",
-                code="not-a-folder",
-                where=folder,
-                action="Give the folder of the device",
-            )
+        check_folder(folder)
         self._server, self._agreement = server, agreement
         self.home, self.folder = folder, folder
         self._lock = threading.RLock()
@@ -170,6 +167,8 @@ class StudioApp:
         except DefsenseError as error:
             self._show("broken", Problem.of(error))
             return
+        from .device_app import DeviceApp  # slow, and not needed for the start page
+
         self._server.forget()
         self._page = None
         self.device = DeviceApp(self._server, project, self._agreement)
