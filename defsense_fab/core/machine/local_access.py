@@ -76,6 +76,8 @@ class Access:
 
 
 def _host_name(url: str) -> str:
+    if "@" in url:  # no browser sends a user's name with `Host` or `Origin`
+        return ""
     try:
         return urlsplit(url).hostname or ""
     except ValueError:

@@ -35,6 +35,8 @@ _MAX_MESSAGE_BYTES = 1024 * 1024
 _UPLOAD_HEADER_BYTES = 4  # number of the request that announced the file
 _MAX_UPLOADS = 4  # in progress at the same time
 _MAX_WAITING_REQUESTS = 200  # of one browser; a page waits for answers long before
+#: Of messages to one browser that it has not read; a page that reads has far fewer.
+_MAX_UNREAD_MESSAGES, _MAX_UNREAD_BYTES = 2000, 256 * 1024 * 1024
 _START_TIMEOUT_S, _STOP_TIMEOUT_S = 10.0, 5.0
 _HEADERS = {
     "Cache-Control": "no-cache",
@@ -92,15 +94,15 @@ class Application(Protocol):
 class _Upload:
     name: str
     size: int
-    parts: list[bytes] = field(default_factory=list)
-    received: int = 0
+    content: bytearray = field(default_factory=bytearray)
 
 
 class Client:
     """A browser that shows the page.
 
     Messages that it has not received yet are replaced by newer ones of their kind, so that a slow
-    browser gets fewer of them and none that is outdated.
+    browser gets fewer of them and none that is outdated. A browser that asks and does not read is
+    disconnected.
 
     Attributes:
         is_open: Whether the connection is open.
@@ -109,6 +111,7 @@ class Client:
     def __init__(self, loop: asyncio.AbstractEventLoop, connection: Any) -> None:
         self._loop, self._connection = loop, connection
         self._waiting: dict[object, str | bytes] = {}
+        self._waiting_bytes = 0
         self._has_waiting = asyncio.Event()
         self._lock = threading.Lock()
         self._lanes: dict[str, ThreadPoolExecutor] = {}
@@ -131,10 +134,18 @@ class Client:
         with self._lock:
             if not self.is_open:
                 return
-            self._waiting.pop(key, None)
+            self._waiting_bytes += len(content) - len(self._waiting.pop(key, b""))
             self._waiting[key] = content
+            is_stuck = (
+                len(self._waiting) > _MAX_UNREAD_MESSAGES or self._waiting_bytes > _MAX_UNREAD_BYTES
+            )
+            if is_stuck:
+                self.is_open = False
+                self._forget_waiting()
         try:
-            self._loop.call_soon_threadsafe(self._has_waiting.set)
+            self._loop.call_soon_threadsafe(
+                self._connection.transport.abort if is_stuck else self._has_waiting.set
+            )
         except RuntimeError:  # the server has stopped
             return
 
@@ -155,15 +166,20 @@ class Client:
                         break
                     key = next(iter(self._waiting))
                     content = self._waiting.pop(key)
+                    self._waiting_bytes -= len(content)
                 await self._connection.send(content)
 
     def close(self) -> None:
         """Drop the waiting messages and end the threads."""
         with self._lock:
             self.is_open = False
-            self._waiting.clear()
+            self._forget_waiting()
         for executor in self._lanes.values():
             executor.shutdown(wait=False, cancel_futures=True)
+
+    def _forget_waiting(self) -> None:
+        self._waiting.clear()
+        self._waiting_bytes = 0
 
 
 class WebServer:
@@ -200,12 +216,14 @@ class WebServer:
         self.clients: set[Client] = set()
         self._application: Application | None = None
         self._is_started = asyncio.Event()
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._loop: asyncio.AbstractEventLoop | None = None  # while it listens
+        self._thread: threading.Thread | None = None
         self._server: Any = None
 
     def listen(self) -> None:
         """Serve the files of the page; sockets wait until `start`."""
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
         starting = asyncio.run_coroutine_threadsafe(self._start(), self._loop)
         self._server = starting.result(_START_TIMEOUT_S)
@@ -213,8 +231,9 @@ class WebServer:
     def start(self, application: Application) -> None:
         """Hand requests to an application, and listen if that was not done before."""
         self._application = application
-        if self._server is None:
+        if self._loop is None:
             self.listen()
+        assert self._loop is not None
         self._loop.call_soon_threadsafe(self._is_started.set)
 
     def publish(self, event: Event) -> None:
@@ -232,13 +251,16 @@ class WebServer:
             self._kept.clear()
 
     def close(self) -> None:
-        """Close all connections and stop to listen."""
+        """Close all connections and stop to listen, if it listens."""
+        loop, self._loop = self._loop, None
+        if loop is None or self._thread is None:
+            return
         if self._server is not None:
-            stopping = asyncio.run_coroutine_threadsafe(self._stop(), self._loop)
+            stopping = asyncio.run_coroutine_threadsafe(self._stop(), loop)
             stopping.result(_STOP_TIMEOUT_S)
-        self._loop.call_soon_threadsafe(self._loop.stop)
+        loop.call_soon_threadsafe(loop.stop)
         self._thread.join(_STOP_TIMEOUT_S)
-        self._loop.close()
+        loop.close()
 
     def _publish(self, key: object, content: str | bytes) -> None:
         with self._lock:
@@ -275,7 +297,10 @@ class WebServer:
         ) or token_refusal(self._access, self.port, request.path, headers.get_all("Cookie"))
         if reason is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, reason + "\n")
-        path = unquote(urlsplit(request.path).path)
+        try:
+            path = unquote(urlsplit(request.path).path)
+        except ValueError:  # such as "//["
+            return connection.respond(http.HTTPStatus.BAD_REQUEST, "This is not an address.\n")
         if path == SOCKET_PATH:
             return None
         return self._respond(connection, path)
@@ -308,7 +333,7 @@ class WebServer:
         await self._is_started.wait()
         if self._application is None:
             return
-        client = Client(self._loop, connection)
+        client = Client(asyncio.get_running_loop(), connection)
         with self._lock:
             self.clients.add(client)
             for key, kept in self._kept.items():
@@ -384,12 +409,11 @@ class WebServer:
         if client.upload is None or client.upload[0] != number:
             return
         upload = client.upload[1]
-        upload.parts.append(message[_UPLOAD_HEADER_BYTES:])
-        upload.received += len(upload.parts[-1])
-        if upload.received < upload.size:
+        upload.content += message[_UPLOAD_HEADER_BYTES:]
+        if len(upload.content) < upload.size:
             return
         client.upload = None
-        if upload.received > upload.size:
+        if len(upload.content) > upload.size:
             text = "The file is larger than announced"
             _refuse(client, number, "upload-longer-than-announced", text)
             return
@@ -399,7 +423,7 @@ class WebServer:
     def _pass_on(self, client: Client, number: int, upload: _Upload) -> None:
         assert self._application is not None
         try:
-            self._application.receive(client, upload.name, b"".join(upload.parts))
+            self._application.receive(client, upload.name, bytes(upload.content))
             client.send(Reply(id=number))
         except Exception as error:  # shown on the page: the program continues
             client.send(Reply(id=number, problem=Problem.of(error)))

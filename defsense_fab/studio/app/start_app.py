@@ -136,6 +136,8 @@ class StartApp:
     def receive(self, client: Client, name: str, content: bytes) -> None:
         """Read an uploaded body. Raises BodyError."""
         self._uploads[client] = load_body_content(name, content)
+        if not client.is_open:  # it was closed meanwhile, and nobody else forgets it
+            self.disconnect(client)
 
     def disconnect(self, client: Client) -> None:
         """Forget the body that a browser has uploaded."""

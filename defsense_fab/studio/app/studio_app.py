@@ -16,6 +16,7 @@ from ..messages.shell import Page, Restore
 from ..project.agreement import Agreement
 from ..project.history import last_valid_text
 from ..project.project import Project
+from ..session.request_limits import check_values
 from .device_folder import check_folder
 from .start_app import StartApp
 
@@ -78,8 +79,9 @@ class StudioApp:
 
     def check_idle(self) -> None:
         """Check that no job of the device is running. Raises DefsenseError."""
-        if self.device is not None:
-            self.device.session.jobs.check_idle()
+        device = self.device
+        if device is not None:
+            device.session.jobs.check_idle()
 
     def open_folder(self, folder: Path) -> None:
         """Open the device in a folder, in place of the one that is open.
@@ -114,24 +116,30 @@ class StudioApp:
 
     def connect(self, client: Client) -> None:
         with self._lock:
+            if not client.is_open:  # it was closed while this waited for the lock
+                return
             self._clients.add(client)
+            device = self.device
         self.start.publish_recent()
-        if self.device is not None:
-            self.device.connect(client)
+        if device is not None:
+            device.connect(client)
 
     def disconnect(self, client: Client) -> None:
         with self._lock:
             self._clients.discard(client)
+            device = self.device
         self.start.disconnect(client)
-        if self.device is not None:
-            self.device.disconnect(client)
+        if device is not None:
+            device.disconnect(client)
 
     def handle(self, client: Client, request: Request) -> Any:
+        check_values(request)
         handler = self._start_handlers.get(type(request))
         if handler is not None:
             return handler(client, request)
-        if self.device is not None:
-            return self.device.handle(client, request)
+        device = self.device  # another browser may close it meanwhile
+        if device is not None:
+            return device.handle(client, request)
         if isinstance(request, Restore):
             self._restore()
             return None
@@ -141,7 +149,8 @@ class StudioApp:
         self.start.receive(client, name, content)
 
     def download(self, path: str) -> Download | None:
-        return None if self.device is None else self.device.download(path)
+        device = self.device
+        return None if device is None else device.download(path)
 
     def close(self) -> None:
         """End all running work."""

@@ -52,7 +52,7 @@ def read_picture(folder: Path) -> str:
     """Return the picture of the device in a folder as a data URL; empty if there is none."""
     path = folder / FOLDER / _FILE
     try:
-        if path.is_symlink() or path.parent.is_symlink():
+        if path.is_symlink() or path.parent.is_symlink() or not path.is_file():
             return ""
         with path.open("rb") as file:
             content = file.read(MAX_PICTURE_BYTES + 1)

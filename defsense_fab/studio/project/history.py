@@ -12,7 +12,9 @@ from ...core.storage.files import storage_errors, write_text
 
 FOLDER, FILE = ".studio", "history.jsonl"
 MAX_STEPS = 400
-_SCHEMA = 1
+#: Largest number of characters of the texts of all steps; the last two steps are always kept.
+MAX_CHARACTERS = 32_000_000
+_SCHEMA, _MIN_STEPS = 1, 2
 
 
 @dataclass(frozen=True)
@@ -87,8 +89,9 @@ class History:
             StorageError: The history cannot be written.
         """
         has_dropped = len(self.steps) > self.at + 1
-        self.steps = [*self.steps[: self.at + 1], Step(name, text)][-MAX_STEPS:]
-        is_full = len(self.steps) == MAX_STEPS
+        before = len(self.steps[: self.at + 1])
+        self.steps = _newest([*self.steps[: self.at + 1], Step(name, text)])
+        is_full = len(self.steps) == MAX_STEPS or len(self.steps) <= before
         self.at = len(self.steps) - 1
         if has_dropped or is_full:
             self._rewrite()
@@ -122,6 +125,17 @@ class History:
         with storage_errors(self._path):
             self._path.parent.mkdir(exist_ok=True)
         write_text(self._path, "".join(json.dumps(row) + "\n" for row in rows))
+
+
+def _newest(steps: list[Step]) -> list[Step]:
+    """Return the newest steps that are kept."""
+    count, characters = 0, 0
+    for step in reversed(steps[-MAX_STEPS:]):
+        characters += len(step.text)
+        if characters > MAX_CHARACTERS and count >= _MIN_STEPS:
+            break
+        count += 1
+    return steps[-count:]
 
 
 def last_valid_text(folder: Path) -> str | None:

@@ -16,6 +16,9 @@ from ...core.storage.files import write_text
 from ..edits.edit import Edit
 from .history import History
 
+#: Largest number of characters of a device's file that edits may write.
+MAX_CHARACTERS = 400_000
+
 
 class Project:
     """A device's file with undo; every change is checked and written at once.
@@ -83,6 +86,13 @@ class Project:
                 ) from None
             if text == self.text:
                 return
+            if len(text) > max(MAX_CHARACTERS, len(self.text)):
+                raise DeviceError(
+                    f"{edit.name}: the file would have more than {MAX_CHARACTERS} characters",
+                    code="device-too-large",
+                    where=DEVICE,
+                    action="Delete something first",
+                )
             device = self._parse(text)
             write_text(self._path, text)
             self._add_step(device, edit.name, text)

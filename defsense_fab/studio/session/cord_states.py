@@ -64,9 +64,9 @@ def plane_of(origin: Sequence[float], axes: Sequence[Sequence[float]]) -> Plane:
     Raises:
         LayoutError: They define no plane.
     """
-    point, rows = np.asarray(origin, float), np.asarray(axes, float)
-    if point.shape != (3,) or rows.shape != (3, 3):
+    if [len(values) for values in (origin, axes, *axes)] != [3] * 5:
         raise _invalid_plane("its origin needs three numbers, and its axes nine")
+    point, rows = np.asarray(origin, float), np.asarray(axes, float)
     try:
         return Plane.from_normal(point, rows[2], rows[0])
     except ValueError as error:

@@ -19,6 +19,7 @@ from ...geometry.kernels.surface_queries import plane_section as plane_section
 
 STROKE_TOLERANCE_MM = 0.5  # between the path and the stroke, about the accuracy of drawing
 _STEP_MM = 0.5  # between points of a stroke
+_MAX_STROKE_SIZES = 200.0  # largest length of a stroke, times the size of the section
 _MAX_EXTENSION_MM = 20.0  # by which ends near the skin are extended to it
 _END_DEPTH_MM = 1.0  # of a path's end below the skin; its channel continues straight from there
 _AIM_LENGTH_MM = 8.0  # of a stroke's end, which gives its direction
@@ -97,6 +98,12 @@ def fit_stroke(surface: Surface, plane: Plane, stroke: Float) -> Hermite:
     if lengths[-1] < _STEP_MM:
         raise LayoutError(
             "the stroke is too short", code="stroke-too-short", action="Draw along the whole cord"
+        )
+    if lengths[-1] > _MAX_STROKE_SIZES * float(np.ptp(section, axis=(0, 1)).max()):
+        raise LayoutError(
+            "the stroke is much longer than the body's section",
+            code="stroke-too-long",
+            action="Draw across the section",
         )
     points = resample(stroke, 0.0, float(lengths[-1]), int(lengths[-1] / _STEP_MM) + 2)
     inside = _longest_run(inside_section(section, points))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from ...messages.poses import PosePictures
 from ...session.device_session import DeviceSession
 from .pose_queue import BACKGROUND, PoseQueue, SolverTask
 from .pose_records import pose_digest
+
+_MAX_EARLIER_SHAPES = 32  # of poses as they were, for undo
 
 
 class PictureWork:
@@ -43,6 +45,8 @@ class PictureWork:
     def take(self, digest: str, moved: Float) -> None:
         """Use a shape that was solved for a browser."""
         self._shapes[digest] = moved
+        device = self._session.device
+        drop_oldest(self._shapes, {pose_digest(pose, device) for pose in device.poses})
         self._publish()
 
     def follow_device(self) -> None:
@@ -112,6 +116,13 @@ class PictureWork:
                 facts={"poses": [n for n, *_ in known], "digests": [d for _, d, _ in known]},
             )
         )
+
+
+def drop_oldest(shapes: dict[str, Float], needed: Collection[str]) -> None:
+    """Remove the oldest shapes, except those that are needed: each edit of a pose adds one."""
+    others = [digest for digest in tuple(shapes) if digest not in needed]
+    for digest in others[:-_MAX_EARLIER_SHAPES]:
+        shapes.pop(digest, None)
 
 
 def _solve(preview: PosePreview, pose: Pose, should_stop: Callable[[], bool]) -> Float | None:

@@ -18,6 +18,7 @@ from ....workflow.view import Arrays, Client, Problem
 from ...messages.poses import PoseShape, PoseWarning, ShapePhase
 from ...session.cord_states import rounded
 from ...session.device_session import DeviceSession
+from .pictures import drop_oldest
 from .pose_queue import PoseQueue, SolverTask
 from .pose_records import pose_digest
 from .preview_work import PreviewAnswer, PreviewRequest
@@ -224,6 +225,8 @@ class ShapeWork:
         if is_final:
             self._send(client, pose.name, "solving", None)
         self.queue.give(client, request)
+        if not client.is_open:  # it was closed meanwhile, and nobody else forgets it
+            self.hide(client)
 
     # On the thread of the solver
 
@@ -267,6 +270,7 @@ class ShapeWork:
             warning = PoseWarning(code=f"pose-{phase}", text=text, share=solved.share)
         if solved.moved is not None:
             self._full[request.digest] = solved.moved
+            drop_oldest(self._full, {pose_digest(p, request.device) for p in request.device.poses})
             self._on_solved(request.digest, solved.moved)
         self._on_warning(request.digest, warning)
 

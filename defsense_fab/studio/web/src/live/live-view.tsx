@@ -84,7 +84,7 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
           )
         )}
       </div>
-      <aside class="live-side" aria-label="Values">
+      <aside class="live-side" aria-label="Values" tabIndex={0}>
         {isRunning && (
           <>
             <h3>Controls</h3>

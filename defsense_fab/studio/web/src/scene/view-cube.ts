@@ -20,6 +20,8 @@ import { isDark } from "./theme";
 import type { Viewer } from "./viewer";
 
 const SIZE_PX = 92;
+/** Narrower scenes leave the room of the cube to tools. */
+const MIN_SCENE_PX = 420;
 const OFFSET_PX = 8;
 /** Pixels of the kept picture per pixel of the page; twice as many smooth its edges. */
 const PICTURE_RATIO = 2;
@@ -73,7 +75,7 @@ export class ViewCube {
   /** Draw the cube over the present frame. */
   render(): void {
     const { rig, renderer, width, height } = this.viewer;
-    if (this.isHidden) return;
+    if (!this.gizmo.enabled) return;
     const { quaternion } = rig.camera;
     if (this.isStale || this.gizmo.animating || !isSame(quaternion, this.direction)) {
       this.direction.copy(quaternion);
@@ -91,11 +93,12 @@ export class ViewCube {
 
   setHidden(isHidden: boolean): void {
     this.isHidden = isHidden;
-    this.gizmo.enabled = !isHidden;
+    this.enable();
     this.viewer.invalidate();
   }
 
   resize(): void {
+    this.enable();
     this.gizmo.domUpdate();
   }
 
@@ -130,6 +133,10 @@ export class ViewCube {
     this.gizmo.render();
     renderer.setRenderTarget(null);
     renderer.setClearColor(this.clearColor, alpha);
+  }
+
+  private enable(): void {
+    this.gizmo.enabled = !this.isHidden && this.viewer.width >= MIN_SCENE_PX;
   }
 
   private onEnd(): void {
