@@ -80,16 +80,11 @@ def assembly(page, folder):
     save(page, "assembly")
 
 
-def open_live_page(page, url):
-    """Open a live page, and close the note that no graphics card renders it."""
-    page.goto(url, timeout=WAIT)
-    page.locator(".mantine-Notification-closeButton").first.click(timeout=WAIT)
-
-
 def studio(page, folder):
-    """Take the studio with the strain inside the twisted body."""
+    """Take the studio with the strain inside the bent body."""
     with page_of(folder, "studio", DEVICE, "--port", str(PORT), "--no-browser", "--trust") as url:
-        open_live_page(page, url)
+        page.goto(url, timeout=WAIT)
+        page.get_by_role("button", name="Not now").click(timeout=WAIT)
         page.get_by_role("button", name="Inside", exact=True).click(timeout=WAIT)
         page.wait_for_timeout(SETTLED)
         save(page, "studio")
@@ -99,7 +94,7 @@ def live(page, folder):
     """Take the page of a run whose twin moves automatically."""
     words = ("run", MODEL, "--device", DEVICE, "--port", "twin")
     with page_of(folder, *words, "--view", str(PORT), "--no-browser") as url:
-        open_live_page(page, url)
+        page.goto(url, timeout=WAIT)
         page.get_by_text("trusted").first.wait_for(timeout=WAIT)
         page.wait_for_timeout(SETTLED)
         save(page, "live")

@@ -77,7 +77,7 @@ class LiveView:
         place: The place.
 
     Raises:
-        OutputError: The port is in use, or websockets is not installed.
+        OutputError: The port is in use.
     """
 
     name, trouble = "view", None
@@ -140,8 +140,7 @@ def open_guided_page(port: int, title: str, host: str | None = None) -> Iterator
             machine alone.
 
     Raises:
-        OutputError: The port is in use, the host is not an address of this machine, or websockets
-            is not installed.
+        OutputError: The port is in use, or the host is not an address of this machine.
     """
     address = host or HOST
     access = Access(address)

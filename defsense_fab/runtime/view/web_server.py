@@ -21,9 +21,8 @@ from urllib.parse import quote, unquote, urlsplit
 
 import msgspec
 
-from ...core.errors import DefsenseError, OutputError
+from ...core.errors import DefsenseError
 from ...core.machine.local_access import Access
-from ...core.machine.optional_libraries import optional
 from .messages import Arrays, Event, Problem, Reply, Request, Upload, encode_arrays
 from .page_guard import check_free, set_cookie, token_refusal
 
@@ -197,16 +196,15 @@ class WebServer:
         clients: The browsers that show the page.
 
     Raises:
-        OutputError: The port is in use, the host is not an address of this machine, or websockets
-            is not installed.
+        OutputError: The port is in use, or the host is not an address of this machine.
     """
 
     def __init__(
         self, port: int, access: Access, host: str = HOST, max_upload_bytes: int = MAX_UPLOAD_BYTES
     ) -> None:
-        with optional(OutputError, "the page", "live"):
-            import websockets.asyncio.server as sockets
-            from websockets.exceptions import ConnectionClosed
+        import websockets.asyncio.server as sockets
+        from websockets.exceptions import ConnectionClosed
+
         check_free(host, port)
         _socket_log.setLevel(logging.CRITICAL)
         self._listen, self._closed = sockets.serve, ConnectionClosed
@@ -217,16 +215,26 @@ class WebServer:
         self._lock = threading.Lock()
         self.clients: set[Client] = set()
         self._application: Application | None = None
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._is_started = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None  # while it listens
+        self._thread: threading.Thread | None = None
         self._server: Any = None
 
-    def start(self, application: Application) -> None:
-        """Listen, and hand requests to an application."""
-        self._application = application
+    def listen(self) -> None:
+        """Serve the files of the page; sockets wait until `start`."""
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
         starting = asyncio.run_coroutine_threadsafe(self._start(), self._loop)
         self._server = starting.result(_START_TIMEOUT_S)
+
+    def start(self, application: Application) -> None:
+        """Hand requests to an application, and listen if that was not done before."""
+        self._application = application
+        if self._loop is None:
+            self.listen()
+        assert self._loop is not None
+        self._loop.call_soon_threadsafe(self._is_started.set)
 
     def publish(self, event: Event) -> None:
         """Send an event to all browsers, and keep it for later ones; call it from any thread."""
@@ -243,13 +251,16 @@ class WebServer:
             self._kept.clear()
 
     def close(self) -> None:
-        """Close all connections and stop to listen."""
+        """Close all connections and stop to listen, if it listens."""
+        loop, self._loop = self._loop, None
+        if loop is None or self._thread is None:
+            return
         if self._server is not None:
-            stopping = asyncio.run_coroutine_threadsafe(self._stop(), self._loop)
+            stopping = asyncio.run_coroutine_threadsafe(self._stop(), loop)
             stopping.result(_STOP_TIMEOUT_S)
-        self._loop.call_soon_threadsafe(self._loop.stop)
+        loop.call_soon_threadsafe(loop.stop)
         self._thread.join(_STOP_TIMEOUT_S)
-        self._loop.close()
+        loop.close()
 
     def _publish(self, key: object, content: str | bytes) -> None:
         with self._lock:
@@ -272,6 +283,7 @@ class WebServer:
         )
 
     async def _stop(self) -> None:
+        self._is_started.set()  # waiting sockets end
         self._server.close()
         await self._server.wait_closed()
 
@@ -318,8 +330,10 @@ class WebServer:
     # The socket
 
     async def _serve(self, connection: Any) -> None:
-        assert self._application is not None
-        client = Client(self._loop, connection)
+        await self._is_started.wait()
+        if self._application is None:
+            return
+        client = Client(asyncio.get_running_loop(), connection)
         with self._lock:
             self.clients.add(client)
             for key, kept in self._kept.items():

@@ -44,7 +44,7 @@ class DeviceApp:
             PosesStep(self.session),
             SensorsStep(self.session, shell.show_violations),
             InsideStep(self.session),
-            OptimizeStep(self.session),
+            OptimizeStep(self.session, shell.show_optimized),
             MakeStep(self.session),
             MeasureStep(self.session, shell.publish_pipeline),
         )

@@ -142,7 +142,7 @@ class Job(Event, frozen=True, kw_only=True):
 
 
 class Notice(Event, frozen=True, kw_only=True):
-    """A short message that disappears by itself.
+    """A short message that is shown for some seconds.
 
     Attributes:
         text: The message.

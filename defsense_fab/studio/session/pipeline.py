@@ -19,6 +19,7 @@ class Progress:
         cords: Number of drawn cords.
         proposed: Number of cords that the optimizer adds.
         has_violations: Whether the drawn cords break a limit.
+        is_optimized: Whether the drawn cords are those that the last search found.
         noun: What one sensor is called.
         has_model: Whether a model was trained.
     """
@@ -29,6 +30,7 @@ class Progress:
     cords: int
     proposed: int
     has_violations: bool
+    is_optimized: bool
     noun: str
     has_model: bool
 
@@ -72,7 +74,7 @@ def next_action(p: Progress) -> NextAction:
             hint=f"A {p.noun} breaks a limit, and the parts cannot be made",
             step="sensors",
         )
-    if _state(p, "optimize") != "current":
+    if _state(p, "optimize") != "current" and not p.is_optimized:
         return NextAction(
             label=f"Optimize the {p.noun}s",
             hint=f"Move the {p.noun}s that are not locked to reduce the error",
@@ -140,6 +142,8 @@ def _optimize(p: Progress) -> tuple[StepState, str]:
     if not p.cords and not p.proposed:
         return "blocked", f"Add a {p.noun} first"
     state = _state(p, "optimize")
+    if state == "old" and p.is_optimized:
+        return "done", f"The drawn {p.noun}s are the optimized ones"
     if state == "old":
         return "stale", f"The device has changed since the {p.noun}s were optimized"
     if state == "missing":

@@ -19,9 +19,11 @@ class ShellStep(Step):
 
     Attributes:
         has_violations: Whether the drawn cords break a limit; set by the step Sensors.
+        is_optimized: Whether the drawn cords are the optimized ones; set by the step Optimize.
     """
 
     has_violations = False
+    is_optimized = False
 
     @property
     def handlers(self) -> Mapping[type[Request], Handler]:
@@ -72,6 +74,12 @@ class ShellStep(Step):
             self.has_violations = has_violations
             self.publish_pipeline()
 
+    def show_optimized(self, is_optimized: bool) -> None:
+        """Follow whether the drawn cords are those that the last search found."""
+        if is_optimized != self.is_optimized:
+            self.is_optimized = is_optimized
+            self.publish_pipeline()
+
     def publish_pipeline(self) -> None:
         """Publish the state of the steps, and what to do next."""
         session, device = self.session, self.session.device
@@ -84,6 +92,7 @@ class ShellStep(Step):
                     cords=len(device.sensors),
                     proposed=device.propose,
                     has_violations=self.has_violations,
+                    is_optimized=self.is_optimized,
                     noun=device.cord.noun,
                     has_model=(session.project.folder / MODEL).exists(),
                 )

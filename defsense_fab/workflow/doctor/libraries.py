@@ -31,7 +31,7 @@ _MODULES = {
 _EXTRA_USES = {
     "cadquery": "bodies from CadQuery scripts",
     "exchange": "C3D, Parquet and XDF files",
-    "live": "the live view, and outputs to other programs",
+    "live": "outputs to the Lab Streaming Layer",
     "midi": "MIDI ports",
     "cluster": "studies on a cluster",
     "animation": "recorded animations in USD",

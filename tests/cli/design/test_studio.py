@@ -11,8 +11,6 @@ from defsense_fab.core.errors import OutputError, StorageError
 from tests.studio.devices import TEXT, write_device
 from tests.support.errors import raises
 
-pytest.importorskip("viser")
-
 
 @pytest.fixture
 def start(capsys, monkeypatch, tmp_path):

@@ -22,10 +22,6 @@ _MODULES = {"python-rtmidi": "rtmidi", "usd-core": "pxr"}
 _GUARDED_ELSEWHERE = {
     "runtime/recording/usd_animation.py": "require_usd is called before",
     "runtime/outputs/lsl_output.py": "live_file guards the import of this module",
-    "runtime/outputs/websocket_output.py": "live_file guards the import of this module",
-    "runtime/view/live_view.py": "drawn on a page that serve_page has opened",
-    "workflow/upload_limit.py": "drawn on a page that serve_page has opened",
-    "studio/optimize/watched_search.py": "drawn on a page that serve_page has opened",
     "runtime/outputs/midi_ports.py": "describes itself which of two packages has it",
     "workflow/build/cluster.py": "called once `connect` has imported it",
 }
@@ -64,7 +60,7 @@ def test_every_import_of_an_extra_is_guarded():
                 place = path.relative_to(PACKAGE).as_posix()
                 (guarded if within else unguarded).add(place)
     assert unguarded == set(_GUARDED_ELSEWHERE)
-    assert len(guarded) >= 8
+    assert len(guarded) >= 7
 
 
 def _c3d(path):
@@ -97,12 +93,6 @@ def _usd(path):
     require_usd(path / "a.usdz")
 
 
-def _page(path):
-    from defsense_fab.runtime.view.page_server import serve_page
-
-    serve_page(0, "a page")
-
-
 def _cluster(path):
     from defsense_fab.workflow.build.cluster import connect
 
@@ -118,7 +108,6 @@ def _cluster(path):
         ("pyarrow", "exchange", _dataset),
         ("pyxdf", "exchange", _xdf),
         ("pxr", "animation", _usd),
-        ("viser", "live", _page),
         ("distributed", "cluster", _cluster),
     ],
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-import pytest
+from websockets.sync.client import connect
 
 from defsense_fab.runtime.view.live_page import LiveView, open_guided_page
 from defsense_fab.runtime.view.panel_actions import PanelActions
@@ -12,9 +12,6 @@ from tests.runtime.live_frames import frame, wait_for
 from tests.runtime.view.test_guided_screen import VIEW
 from tests.runtime.view.test_live_place import DEVICE
 from tests.runtime.view.test_web_server import free_port
-
-pytest.importorskip("websockets")
-from websockets.sync.client import connect
 
 LONG = 240.0
 

@@ -13,16 +13,14 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
 
 from defsense_fab.core.errors import DeviceError, OutputError
 from defsense_fab.core.machine.local_access import Access
 from defsense_fab.runtime.view.messages import Arrays, Event, Problem, Request, Result, Upload
 from defsense_fab.runtime.view.web_server import SOCKET_PATH, Download, WebServer
 from tests.support.errors import raises
-
-pytest.importorskip("websockets")
-from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
 
 LONG = 240.0
 TOKEN = "t0ken-of-the-test"
@@ -236,6 +234,29 @@ def test_busy_port_and_foreign_address_are_refused(page):
         WebServer(page.port, Access("127.0.0.1"))
     with raises(OutputError, "address-unavailable", host="192.0.2.1"):
         WebServer(free_port(), Access("192.0.2.1"), "192.0.2.1")
+
+
+def test_page_is_served_and_sockets_wait_before_the_start():
+    server = WebServer(free_port(), Access("127.0.0.1"))
+    server.listen()
+    assert get(server)[0] == 200
+    assert get(server, "/files/parts")[0] == 404
+    with browser(server) as client:
+        client.send(json.dumps({"kind": "add", "id": 1, "a": 1, "b": 2}))
+        with pytest.raises(TimeoutError):
+            client.recv(timeout=0.2)
+        server.start(Calculator())
+        assert reply(client, 1)["result"] == {"value": 3}
+    server.close()
+
+
+def test_server_closes_while_sockets_wait():
+    server = WebServer(free_port(), Access("127.0.0.1"))
+    server.listen()
+    with browser(server) as client:
+        server.close()
+        with pytest.raises(ConnectionClosed):
+            client.recv(timeout=LONG)
 
 
 def test_requests_are_answered_by_number(page):

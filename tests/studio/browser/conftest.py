@@ -2,52 +2,116 @@
 
 from __future__ import annotations
 
+import socket
+import threading
 import time
 
-import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-SIZE = {"width": 800, "height": 600}  # small, because the processor draws it
-#: A quarter of the pixels; positions on the page do not change.
-COARSE = {"device_scale_factor": 0.5}
+from defsense_fab.core.machine.local_access import Access
+from defsense_fab.studio.app.studio_app import StudioApp
+from defsense_fab.studio.project.agreement import Agreement
+from defsense_fab.workflow.view import HOST, WebServer
+
+pytest.importorskip("playwright")
+from playwright.sync_api import expect
+
+SIZE = {"width": 1000, "height": 640}  # small, because the processor draws it
+PHONE = {"width": 390, "height": 844}
 TIMEOUT_MS = 240_000.0  # on a loaded machine
-#: The page draws five times per second at most: the processor draws it.
+POLL_INTERVAL_S = 0.5
+#: A quarter of the pixels, and no transitions; positions on the page do not change.
+COARSE = {"device_scale_factor": 0.5, "reduced_motion": "reduce"}
+#: The page draws five times per second at most, and is not smoothed: the processor draws it.
 FEWER_FRAMES = """
 const draw = window.requestAnimationFrame.bind(window);
 window.requestAnimationFrame = (callback) => setTimeout(() => draw(callback), 200);
 window.cancelAnimationFrame = (number) => clearTimeout(number);
+const parameter = WebGL2RenderingContext.prototype.getParameter;
+WebGL2RenderingContext.prototype.getParameter = function (name) {
+  return name === 0x9246 ? "Coarse" : parameter.call(this, name);  // the renderer's name
+};
 """
 
+expect.set_options(timeout=TIMEOUT_MS)
 
-def new_context(browser, **options):
-    """Return a context of a browser that draws coarsely and seldom."""
-    context = browser.new_context(**COARSE, **options)
-    context.add_init_script(FEWER_FRAMES)
-    return context
+
+def free_port():
+    """Return a port that no program uses."""
+    with socket.socket() as probe:
+        probe.bind((HOST, 0))
+        return probe.getsockname()[1]
+
+
+class Studio:
+    """A studio that is served to this machine, as the command line does it.
+
+    Attributes:
+        folder: The device's folder.
+        url: Address of the page.
+    """
+
+    def __init__(self, folder, *, trusted=True):
+        self.folder, self._trusted, self._port = folder, trusted, free_port()
+        self.url = f"http://{HOST}:{self._port}/"
+        self._stop = threading.Event()
+        self.open()
+
+    def open(self):
+        """Serve the studio at its address."""
+        self._server = WebServer(self._port, Access(HOST), HOST)
+        self._app = StudioApp(self._server, self.folder, Agreement(trusted=self._trusted))
+        self._server.start(self._app)
+        self._stop.clear()
+        self._poll = threading.Thread(target=self._follow, daemon=True)
+        self._poll.start()
+
+    def close(self):
+        """End the studio and all of its work."""
+        self._stop.set()
+        self._poll.join()
+        self._app.close()
+        self._server.close()
+
+    def _follow(self):
+        while not self._stop.wait(POLL_INTERVAL_S):
+            self._app.poll()
 
 
 @pytest.fixture
-def open_browser(browser, studio_server, studio_page):
-    """Return a function that opens the studio's Cords mode in a new browser."""
-    contexts = []
-    studio_page.enter("Cords")
+def serve():
+    """Return a function that serves the studio of a folder until the test ends."""
+    studios = []
 
-    def open_studio(size=SIZE):
-        context = new_context(browser, viewport=size)
+    def serve_folder(folder, **options):
+        studios.append(Studio(folder, **options))
+        return studios[-1]
+
+    yield serve_folder
+    for studio in studios:
+        studio.close()
+
+
+@pytest.fixture
+def open_page(browser):
+    """Return a function that opens an address in a new browser."""
+    contexts = []
+
+    def open_in_browser(url, size=SIZE, **options):
+        context = browser.new_context(viewport=size, **COARSE, **options)
+        context.set_default_timeout(TIMEOUT_MS)
+        context.add_init_script(FEWER_FRAMES)
         contexts.append(context)
         page = context.new_page()
-        page.set_default_timeout(TIMEOUT_MS)
-        page.goto(f"http://127.0.0.1:{studio_server.get_port()}")
-        page.get_by_text("Expected error in unseen states").wait_for()
+        page.goto(url)
         return page
 
-    yield open_studio
+    yield open_in_browser
     for context in contexts:
         context.close()
 
 
-def until(condition, timeout_s=240.0):
+def until(condition, timeout_s=TIMEOUT_MS / 1000):
     """Wait until a condition holds; return False after `timeout_s`."""
     deadline = time.monotonic() + timeout_s
     while time.monotonic() < deadline:
@@ -55,34 +119,3 @@ def until(condition, timeout_s=240.0):
             return True
         time.sleep(0.05)
     return False
-
-
-def drag_until(page, drag, condition):
-    """Drag until a condition holds, as a user would while a slow page still draws the scene."""
-    for _ in range(4):
-        page.wait_for_timeout(1000)
-        drag()
-        if until(condition, 30.0):
-            return True
-    return False
-
-
-def on_screen(client, points):
-    """Return the positions of points (n, 3) mm in a browser, px of its canvas."""
-    camera = client.camera
-    w, x, y, z = camera.wxyz
-    local = (points - camera.position) @ Rotation.from_quat([x, y, z, w]).as_matrix()
-    focal = camera.image_height / 2 / np.tan(camera.fov / 2)
-    middle = np.array([camera.image_width, camera.image_height]) / 2
-    return middle + focal * local[:, :2] / local[:, 2:]
-
-
-def around_arc(client, gizmo, axis):
-    """Return positions on the screen along the arc that turns a gizmo about an axis (0 to 2)."""
-    w, x, y, z = gizmo.wxyz
-    axes = Rotation.from_quat([x, y, z, w]).as_matrix()
-    u, v = axes[:, (axis + 1) % 3], axes[:, (axis + 2) % 3]
-    angle = np.radians(np.linspace(40, 65, 8))[:, None]
-    radius = 0.65 * gizmo.scale  # of the arc that viser draws
-    arc = np.asarray(gizmo.position) + radius * (np.cos(angle) * u + np.sin(angle) * v)
-    return on_screen(client, arc)

@@ -6,46 +6,78 @@ import time
 
 
 class Person:
-    """Use a page of the browser by mouse and keyboard only."""
+    """Uses a page by mouse and keyboard, or by keyboard alone.
+
+    Attributes:
+        page: The page in the browser.
+        clicks: Number of clicks and drags.
+        keys: Number of keys.
+    """
 
     def __init__(self, page):
         self.page, self.clicks, self.keys, self._started_at = page, 0, 0, time.monotonic()
 
-    @property
-    def minutes(self):
-        return (time.monotonic() - self._started_at) / 60
+    def __str__(self):
+        minutes = (time.monotonic() - self._started_at) / 60
+        return f"{self.clicks} clicks, {self.keys} keys, {minutes:.1f} minutes"
 
-    def press(self, name, index=0):
-        """Click the visible button with a label and an index."""
-        buttons = self.page.get_by_role("button", name=name, exact=True).locator("visible=true")
-        buttons.nth(index).click()
+    # Mouse
+
+    def click(self, locator, **options):
+        """Click an element."""
+        locator.click(**options)
         self.clicks += 1
-
-    def choose(self, label, option):
-        """Choose an option of the list with a label."""
-        self._field(label).click()
-        self.page.get_by_role("option", name=option, exact=True).first.click()
-        self.clicks += 2
-
-    def write(self, label, text):
-        """Write into the field with a label."""
-        field = self._field(label)
-        field.click(click_count=3)
-        self.page.keyboard.type(text)
-        self.page.keyboard.press("Enter")
-        self.clicks, self.keys = self.clicks + 1, self.keys + len(text) + 1
 
     def drag(self, points):
-        """Drag with the left button through points on the screen."""
-        self.page.mouse.move(*points[0])
-        self.page.mouse.down()
-        for x, y in points[1:]:
-            self.page.mouse.move(x, y)
-            self.page.wait_for_timeout(60)
-        self.page.mouse.up()
+        """Drag with the left button through points of the window, px."""
+        mouse = self.page.mouse
+        mouse.move(*points[0])
+        mouse.down()
+        for point in points[1:]:
+            mouse.move(*point, steps=2)
+        mouse.up()
         self.clicks += 1
 
-    def _field(self, label):
-        """Return the control next to a visible label."""
-        text = self.page.get_by_text(label, exact=True).locator("visible=true").first
-        return text.locator("xpath=following::input[1]")
+    # Keyboard
+
+    def press(self, *keys):
+        """Press keys, such as "Control+k", one after another."""
+        for key in keys:
+            self.page.keyboard.press(key)
+        self.keys += len(keys)
+
+    def write(self, text):
+        """Write a text in place of that of the focused field, and commit it."""
+        self.press("Control+a")
+        self.page.keyboard.type(text)
+        self.keys += len(text)
+        self.press("Enter")
+
+    def choose(self, option):
+        """Choose an option of the focused list by typing its name, as users of the keyboard do."""
+        self.page.keyboard.type(option)
+        self.keys += len(option)
+        self.press("Enter")
+
+    def tab_to(self, locator, limit=120):
+        """Press Tab until an element has the focus.
+
+        Raises:
+            AssertionError: The element was not reached.
+        """
+        for _ in range(limit):
+            if locator.count() and locator.evaluate("node => node === document.activeElement"):
+                return
+            self.press("Tab")
+        raise AssertionError(f"not reached by {limit} Tab keys: {locator}")
+
+    def command(self, name):
+        """Run a command of the palette."""
+        self.press("Control+k")
+        search = self.page.get_by_role("combobox", name="Search commands")
+        search.wait_for()
+        self.page.keyboard.type(name)
+        self.keys += len(name)
+        self.page.get_by_role("option", name=name).first.wait_for()
+        self.press("Enter")
+        search.wait_for(state="detached")

@@ -11,7 +11,7 @@ def progress(current=(), old=(), **values):
     freshness = {s: "current" if s in current else "old" if s in old else "missing" for s in STAGES}
     defaults = {
         "has_body": True, "poses": 2, "cords": 2, "proposed": 0, "has_violations": False,
-        "noun": "cord", "has_model": False,
+        "is_optimized": False, "noun": "cord", "has_model": False,
     }  # fmt: skip
     return Progress(freshness=freshness, **{**defaults, **values})
 
@@ -34,6 +34,7 @@ def states(p):
         (progress(STAGES), "measure", None),
         (progress((), STAGES), "poses", "simulate"),
         (progress(STAGES[:3], STAGES[3:]), "optimize", "optimize"),
+        (progress(STAGES[:3], STAGES[3:], is_optimized=True), "make", "report"),
     ],
 )
 def test_next_action_is_the_first_that_is_missing(p, step, stage):
@@ -60,3 +61,8 @@ def test_changed_body_makes_later_steps_stale():
 
 def test_broken_limit_makes_the_sensors_stale():
     assert states(progress(STAGES[:3], has_violations=True))["sensors"] == "stale"
+
+
+def test_cords_taken_from_the_last_search_are_optimized():
+    found = states(progress(STAGES[:3], STAGES[3:], is_optimized=True))
+    assert (found["optimize"], found["make"]) == ("done", "stale")

@@ -19,7 +19,12 @@ INSTALL_TIMEOUT_S = 600.0
 
 def run(*words, folder):
     return subprocess.run(
-        words, cwd=folder, capture_output=True, text=True, timeout=INSTALL_TIMEOUT_S
+        words,
+        cwd=folder,
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        timeout=INSTALL_TIMEOUT_S,
     )
 
 

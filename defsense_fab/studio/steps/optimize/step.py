@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from ....core.device.device import Sensor
@@ -39,11 +39,16 @@ from .standing import Facts, optimize_state
 _STAGE_INPUTS = {"body": "the body", "mesh": "the mesh", "simulate": "the poses"}
 
 
+def _ignore(_: bool) -> None:
+    pass
+
+
 class OptimizeStep(Step):
     """Publishes the search, the layouts and what is true of them.
 
     Args:
         session: The device.
+        on_optimized: Called with whether the drawn cords are those that the last search found.
 
     Attributes:
         watch: The search of the current or last build.
@@ -52,8 +57,11 @@ class OptimizeStep(Step):
         rows: What was published last of the layouts, or None.
     """
 
-    def __init__(self, session: DeviceSession) -> None:
+    def __init__(
+        self, session: DeviceSession, on_optimized: Callable[[bool], None] = _ignore
+    ) -> None:
         super().__init__(session)
+        self._on_optimized = on_optimized
         self.watch = SearchWatch(session, self._publish_state)
         self.layouts: list[ComparedLayout] = []
         self.state: messages.OptimizeState | None = None
@@ -212,6 +220,7 @@ class OptimizeStep(Step):
             )
         )
         session.server.publish(self.state)
+        self._on_optimized(self.state.standing == "optimized")
 
     def _obstacle(self) -> str:
         """Return why layouts cannot be compared; empty if they can."""

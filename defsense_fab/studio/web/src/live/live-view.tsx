@@ -43,9 +43,9 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
       scene.current = null;
     };
   }, []);
-  useFrames({
-    onReceive: (frame) => current.current.add(frame),
-    onShow: (frame) => scene.current?.show(frame),
+  useFrames((frame) => {
+    current.current.add(frame);
+    scene.current?.show(frame);
   });
   useLiveKeys(() => scene.current?.fit());
 
@@ -84,7 +84,7 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
           )
         )}
       </div>
-      <aside class="live-side" aria-label="Values">
+      <aside class="live-side" aria-label="Values" tabIndex={0}>
         {isRunning && (
           <>
             <h3>Controls</h3>

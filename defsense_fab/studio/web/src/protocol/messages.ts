@@ -2315,7 +2315,7 @@ export interface NextCordState {
   ends: number[][];
 }
 /**
- * A short message that disappears by itself.
+ * A short message that is shown for some seconds.
  *
  *     Attributes:
  *         text: The message.

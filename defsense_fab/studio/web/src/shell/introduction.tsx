@@ -5,7 +5,7 @@ import { STEPS, STEP_LABELS, type StepName, enterStep } from "../state/step";
 import { Button, IconButton } from "../ui/button";
 
 const TEXTS: Record<StepName, string> = {
-  body: "The body is the soft object that deforms. Choose its shape and size here, or load a file of your own.",
+  body: "The body is the soft object that deforms. Set its dimensions, its material, the cord and the printer here.",
   poses:
     "Poses are the deformations that the device is to sense: where it is held, and where it is pulled, bent or twisted.",
   inside:
@@ -14,7 +14,7 @@ const TEXTS: Record<StepName, string> = {
     "Draw conductive cords through the body, or let the studio propose them. The expected error follows while you drag.",
   optimize:
     "A search improves the cords and compares layouts with few and many parts. Choose the one you like.",
-  make: "Print the molds, cut the cords and follow the guide to cast the body and to insert the cords.",
+  make: "Build the parts, print them, cut the cords, and follow the guide step by step to assemble the device.",
   measure:
     "Record a few minutes with the finished device, train its model, and see it move on the screen.",
 };

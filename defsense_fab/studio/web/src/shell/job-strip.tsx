@@ -1,7 +1,9 @@
 // The strip at the bottom: the running job, or how the last one ended.
 import { effect, signal } from "@preact/signals";
 import { connection, job } from "../state/connection";
+import { isPhone } from "../state/layout";
 import { run } from "../state/run";
+import { screen } from "../state/step";
 import { Button, IconButton } from "../ui/button";
 import { confirm } from "../ui/dialog";
 import { ProgressBar } from "../ui/feedback";
@@ -49,9 +51,13 @@ export function JobStrip() {
   const current = job.value;
   const isActive = current !== null && current.state !== "idle";
   const isShown = isActive || (isResultShown.value && Boolean(current?.title));
+  // The strip keeps its place where there is room, so that nothing moves under the pointer.
+  const isKept = screen.value === "device" && !isPhone.value;
   return (
-    <footer class="job-strip" aria-label="Job" hidden={!isShown}>
-      {isActive ? <RunningJob /> : isShown && <EndedJob />}
+    <footer class="job-strip" aria-label="Job" hidden={!isShown && !isKept}>
+      {isActive && <RunningJob />}
+      {!isActive && isShown && <EndedJob />}
+      {!isShown && <span class="job-message">No job is running</span>}
     </footer>
   );
 }

@@ -1,12 +1,15 @@
 import { connection, isJobActive, pipeline } from "../state/connection";
 import { run } from "../state/run";
-import { enterStep } from "../state/step";
+import { enterStep, isNextHere } from "../state/step";
 import { Button } from "../ui/button";
 
-/** Do the next action: build up to a stage, or enter a step. */
+const PANEL_BUTTONS = ".scene-cover button.primary, .inspector button.primary";
+
+/** Do the next action: build up to a stage, or enter a step and go to its main button. */
 export function doNext(): void {
   const next = pipeline.value?.next;
   if (!next || (next.stage && isJobActive.value)) return;
+  if (isNextHere.value) document.querySelector<HTMLElement>(PANEL_BUTTONS)?.focus();
   enterStep(next.step);
   if (next.stage) void run(connection.send("start-build", { stage: next.stage }));
   else if (next.step === "body") void run(connection.send("make-body", {}));
@@ -19,7 +22,7 @@ export function NextButton({ variant = "primary" }: { variant?: "primary" | "pla
   const isWaiting = next.stage !== null && isJobActive.value;
   return (
     <Button
-      variant={variant}
+      variant={isNextHere.value ? "plain" : variant}
       class="next-button"
       hint={isWaiting ? "Wait until the running job has ended" : next.hint}
       shortcut="Mod+Enter"

@@ -1,5 +1,6 @@
 import { useEffect, useRef } from "preact/hooks";
 import { pipeline } from "../state/connection";
+import { isPhone } from "../state/layout";
 import { STEPS, STEP_LABELS, enterStep, step } from "../state/step";
 import { Icon } from "../ui/icons";
 import { tooltip } from "../ui/tooltip";
@@ -12,7 +13,7 @@ export function PipelineBar() {
   useEffect(() => {
     const current = list.current?.querySelector("[aria-current]");
     current?.scrollIntoView({ block: "nearest", inline: "center", behavior: "smooth" });
-  }, [entered]);
+  }, [entered, isPhone.value]);
   return (
     <nav class="pipeline" aria-label="Steps">
       <ol ref={list}>

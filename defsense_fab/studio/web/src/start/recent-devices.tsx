@@ -1,9 +1,10 @@
 // The devices that were opened before.
+import { signal } from "@preact/signals";
 import type { RecentDevice } from "../protocol/messages";
 import { connection } from "../state/connection";
 import { run } from "../state/run";
 import { showDevice } from "../state/step";
-import { IconButton } from "../ui/button";
+import { Button, IconButton } from "../ui/button";
 import { Icon } from "../ui/icons";
 import { tooltip } from "../ui/tooltip";
 
@@ -15,16 +16,28 @@ export function newFolder(name: string): string {
   return isNewFolder ? `In a new folder for “${name.trim()}” in ${folder}` : `In ${folder}`;
 }
 
-/** Cards of the recent devices; a missing one can only be removed. */
+const FEW = 5;
+const areAllShown = signal(false);
+
+/** Cards of the last devices, or of all recent ones; a missing one can only be removed. */
 export function RecentDeviceList() {
+  const devices = recentDevices.value?.devices ?? [];
+  const shown = areAllShown.value ? devices : devices.slice(0, FEW);
   return (
-    <ul class="card-grid recent">
-      {recentDevices.value?.devices.map((device) => (
-        <li key={device.folder}>
-          <RecentCard device={device} />
-        </li>
-      ))}
-    </ul>
+    <>
+      <ul class="card-grid recent">
+        {shown.map((device) => (
+          <li key={device.folder}>
+            <RecentCard device={device} />
+          </li>
+        ))}
+      </ul>
+      {devices.length > FEW && (
+        <Button variant="quiet" onClick={() => (areAllShown.value = !areAllShown.value)}>
+          {areAllShown.value ? "Show fewer" : `Show all ${devices.length}`}
+        </Button>
+      )}
+    </>
   );
 }
 

@@ -16,6 +16,13 @@ import { uploadedBody } from "./upload";
 export function StartPage() {
   if (uploadedBody.value) return <BodyForm body={uploadedBody.value} />;
   const hasRecent = (recentDevices.value?.devices.length ?? 0) > 0;
+  // A folder without a device was given for a new one.
+  const recent = hasRecent && (
+    <section aria-labelledby="recent-title">
+      <h2 id="recent-title">Recent devices</h2>
+      <RecentDeviceList />
+    </section>
+  );
   return (
     <div class="start">
       <header class="start-header">
@@ -29,18 +36,14 @@ export function StartPage() {
       </header>
       <main class="start-content">
         <IntroductionOffer />
-        {hasRecent && (
-          <section aria-labelledby="recent-title">
-            <h2 id="recent-title">Recent devices</h2>
-            <RecentDeviceList />
-          </section>
-        )}
+        {canReturn.value && recent}
         <section aria-labelledby="new-title">
           <h2 id="new-title">New device</h2>
           <DropZone />
           <h3 class="start-subtitle">Or start from an example, and change it as you like</h3>
           <Gallery />
         </section>
+        {!canReturn.value && recent}
       </main>
     </div>
   );

@@ -31,6 +31,15 @@ export const stepStatus = computed(
   () => pipeline.value?.steps.find(({ name }) => name === step.value) ?? null,
 );
 
+/** Whether the next action is in the entered step, so that its own button is the main one. */
+export const isNextHere = computed(() => {
+  const next = pipeline.value?.next;
+  return next?.stage === null && next.step === step.value && next.step !== "body";
+});
+
+/** Look of the main button of a step: only one button of the page is primary. */
+export const mainVariant = computed(() => (isNextHere.value ? "primary" : "plain"));
+
 /** Whether this browser shows all devices although one is open. */
 const isStartWanted = signal(false);
 

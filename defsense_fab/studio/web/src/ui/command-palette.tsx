@@ -125,6 +125,7 @@ export function KeyHelp() {
       title="Keyboard shortcuts"
       size="large"
       closesOutside
+      isText
       onClose={() => (isKeyHelpOpen.value = false)}
     >
       <div class="key-groups">

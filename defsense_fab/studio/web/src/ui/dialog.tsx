@@ -14,6 +14,8 @@ interface DialogProps {
   isTitleHidden?: boolean;
   /** Whether a click outside closes it. */
   closesOutside?: boolean;
+  /** Whether the content is only read, so that keys must be able to scroll it. */
+  isText?: boolean;
   onClose: () => void;
 }
 
@@ -26,6 +28,7 @@ export function Dialog(props: DialogProps) {
     size = "medium",
     isTitleHidden,
     closesOutside,
+    isText,
     onClose,
   } = props;
   const dialog = useRef<HTMLDialogElement>(null);
@@ -57,7 +60,7 @@ export function Dialog(props: DialogProps) {
           <h2 id={id}>{title}</h2>
           {!isTitleHidden && <IconButton icon="close" label="Close" onClick={onClose} />}
         </header>
-        <div class="dialog-content">{children}</div>
+        <div class="dialog-content" tabIndex={isText ? 0 : undefined}>{children}</div>
         {actions && <footer class="dialog-actions">{actions}</footer>}
       </div>
     </dialog>

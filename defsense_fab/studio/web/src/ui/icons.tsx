@@ -44,7 +44,7 @@ const DRAWINGS = {
   mirror: <path d="M8 2v12M5.5 4.5 2 11.5h3.5zm5 0 3.5 7h-3.5z" />,
   monitor: <path d="M2 3h12v8H2zm3.5 10.5h5M8 11v2.5" />,
   moon: <path d="M13 9.5A5.5 5.5 0 0 1 6.5 3a5.5 5.5 0 1 0 6.5 6.5z" />,
-  more: <path d="M3.5 8v.01M8 8v.01M12.5 8v.01" />,
+  more: <path stroke-width="2.4" d="M3.5 8h.01M8 8h.01M12.5 8h.01" />,
   optimize: <path d="M2.5 2.5v11h11M5 10l2.5-3.5 2 2L13 4" />,
   part: <path d="M3 3h10v10H3z" />,
   pause: <path d="M5.5 3.5v9m5-9v9" />,

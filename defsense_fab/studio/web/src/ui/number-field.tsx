@@ -1,5 +1,5 @@
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useLayoutEffect } from "preact/hooks";
 import { FieldFrame, type FieldProps, useField } from "./field";
 import { type Range, formatNumber, parseNumber, rangeError, stepped } from "./number";
 import { useScrub } from "./scrub";
@@ -22,7 +22,7 @@ export function NumberField(props: NumberFieldProps) {
   /** Text of a commit that is not answered yet. */
   const sent = useSignal<string | null>(null);
 
-  useEffect(() => {
+  useLayoutEffect(() => {
     typed.value = null;
     state.setError("");
   }, [value]);

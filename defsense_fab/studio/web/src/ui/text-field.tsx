@@ -1,5 +1,5 @@
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useLayoutEffect } from "preact/hooks";
 import { FieldFrame, type FieldProps, useField } from "./field";
 
 interface TextFieldProps extends FieldProps<string> {
@@ -23,7 +23,7 @@ export function TextField({
   /** Text of a commit that is not answered yet. */
   const sent = useSignal<string | null>(null);
 
-  useEffect(() => {
+  useLayoutEffect(() => {
     typed.value = null;
     state.setError("");
   }, [value]);

@@ -119,7 +119,7 @@ export function CatalogueDialog({ title, catalogue, choice, onClose }: Catalogue
         {rows.length === 0 && <p class="palette-empty">Nothing matches “{query.value}”.</p>}
       </div>
       {row && (
-        <p class="catalogue-source" aria-live="polite">
+        <p class="catalogue-source" aria-live="polite" tabIndex={0}>
           <strong>{row.name}</strong>
           {row.note && `, ${row.note}`}. {row.source}
         </p>

@@ -1,5 +1,5 @@
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useLayoutEffect } from "preact/hooks";
 import { FieldFrame, useField } from "../../ui/field";
 import { formatNumber, parseNumber, type Range, rangeError } from "../../ui/number";
 
@@ -29,7 +29,7 @@ export function OptionalField(props: OptionalFieldProps) {
   const sent = useSignal<string | null>(null);
   const current = value === null ? "" : typeof value === "number" ? formatNumber(value) : value;
 
-  useEffect(() => {
+  useLayoutEffect(() => {
     typed.value = null;
   }, [value]);
 

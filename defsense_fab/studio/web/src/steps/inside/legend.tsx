@@ -5,7 +5,7 @@ import { type ColorScale, formatValue } from "./color-scale";
 import { type NextCordTool, search } from "./next-cord";
 import { inside, type SectionData, type SectionView } from "./section-view";
 
-const BAR = { width: 232, height: 12 };
+const BAR = { width: 204, height: 12 };
 /** Values count as beyond the range if they are farther than this share of it. */
 const BEYOND = 0.02;
 

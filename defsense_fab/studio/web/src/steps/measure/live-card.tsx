@@ -10,6 +10,7 @@ import { PortField, portOf, TWIN_PORT } from "./port-field";
 import { useRequest } from "./request";
 import { card, choices, isLiveShown, status } from "./state";
 import { TextInput } from "./text-input";
+import { mainVariant } from "../../state/step";
 
 const model = signal("");
 const port = signal(TWIN_PORT);
@@ -97,7 +98,7 @@ function LiveForm({ models }: { models: readonly ModelChoice[] }) {
       <div class="card-actions">
         {isRunning || task?.state === "stopping" ? (
           <>
-            <Button variant="primary" icon="monitor" onClick={() => (isLiveShown.value = true)}>
+            <Button variant={mainVariant.value} icon="monitor" onClick={() => (isLiveShown.value = true)}>
               Show the live view
             </Button>
             <Button
@@ -110,7 +111,7 @@ function LiveForm({ models }: { models: readonly ModelChoice[] }) {
           </>
         ) : (
           <Button
-            variant="primary"
+            variant={mainVariant.value}
             icon="play"
             disabled={Boolean(chosen.problem)}
             hint={chosen.problem || undefined}

@@ -16,6 +16,7 @@ import {
   status,
   trainingSessions,
 } from "./state";
+import { mainVariant } from "../../state/step";
 
 /** Sessions, training and evaluation, with their results. */
 export function TrainCard() {
@@ -97,7 +98,7 @@ function Actions({ request }: { request: CardRequest }) {
         </Button>
       )}
       <Button
-        variant="primary"
+        variant={mainVariant.value}
         icon="play"
         disabled={isBusy || !hasSession}
         hint={hint}

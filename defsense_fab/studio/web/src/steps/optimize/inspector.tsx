@@ -15,6 +15,7 @@ import {
   search,
   standing,
 } from "./state";
+import { mainVariant } from "../../state/step";
 
 export function OptimizeInspector() {
   return (
@@ -97,7 +98,7 @@ function Actions() {
   if (isSearching.value) {
     return (
       <Button
-        variant="primary"
+        variant={mainVariant.value}
         disabled={!hasBest}
         hint={hasBest ? "End the search and draw its best cords" : "No cords within all limits yet"}
         onClick={() => void applyBest()}

@@ -2,6 +2,7 @@ import type { LayoutRow } from "../../protocol/messages";
 import { Button } from "../../ui/button";
 import { Icon } from "../../ui/icons";
 import { applyLayout, layoutLabel, mm } from "./state";
+import { mainVariant } from "../../state/step";
 
 /** The numbers and the notes of a layout, and the button that uses it. */
 export function LayoutDetails({ row }: { row: LayoutRow }) {
@@ -32,7 +33,7 @@ export function LayoutDetails({ row }: { row: LayoutRow }) {
         </p>
       )}
       <Button
-        variant="primary"
+        variant={mainVariant.value}
         disabled={row.isDrawn}
         hint={row.isDrawn ? "These are the drawn cords" : "Draw these cords; Undo restores the drawn ones"}
         onClick={() => void applyLayout(row.name)}

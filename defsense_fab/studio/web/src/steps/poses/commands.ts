@@ -100,8 +100,8 @@ const canTurn = () => {
 
 function turnCommands(): Command[] {
   const turns = [
-    { id: "more", label: "Turn the region by +1°", keys: ["ArrowUp", "ArrowRight"], degrees: 1 },
-    { id: "less", label: "Turn the region by −1°", keys: ["ArrowDown", "ArrowLeft"], degrees: -1 },
+    { id: "more", label: "Turn the region by +1°", key: "ArrowUp", other: "ArrowRight", degrees: 1 },
+    { id: "less", label: "Turn the region by −1°", key: "ArrowDown", other: "ArrowLeft", degrees: -1 },
   ];
   const axes = (["x", "y", "z"] as const).map((axis) => ({
     id: `pose.axis-${axis}`,
@@ -114,26 +114,26 @@ function turnCommands(): Command[] {
       showToast(`Arrow keys turn ${grip.peek()?.region} about ${axis}`);
     },
   }));
-  const steps = turns.flatMap(({ id, label, keys, degrees }) =>
-    keys.flatMap((key, k) => [
-      {
-        id: `pose.turn-${id}-${k}`,
-        label,
-        group: "Poses",
-        shortcut: key,
-        when: canTurn,
-        run: () => turnChosen(keyAxis, degrees),
-      },
-      {
-        id: `pose.turn-${id}-ten-${k}`,
-        label: label.replace("1°", "10°"),
-        group: "Poses",
-        shortcut: `Shift+${key}`,
-        when: canTurn,
-        run: () => turnChosen(keyAxis, 10 * degrees),
-      },
-    ]),
-  );
+  const steps = turns.flatMap(({ id, label, key, other, degrees }) => [
+    {
+      id: `pose.turn-${id}`,
+      label,
+      group: "Poses",
+      shortcut: key,
+      otherShortcut: other,
+      when: canTurn,
+      run: () => turnChosen(keyAxis, degrees),
+    },
+    {
+      id: `pose.turn-${id}-ten`,
+      label: label.replace("1°", "10°"),
+      group: "Poses",
+      shortcut: `Shift+${key}`,
+      otherShortcut: `Shift+${other}`,
+      when: canTurn,
+      run: () => turnChosen(keyAxis, 10 * degrees),
+    },
+  ]);
   return [...axes, ...steps];
 }
 
@@ -142,14 +142,14 @@ registerCommands([
   ...SHAPES.map(({ value, label }) => ({
     id: `region.add-${value}`,
     label: `Add a region: ${label.toLowerCase()}`,
-    group: "Poses",
+    group: "Regions",
     run: () => void addRegion(value),
   })),
   {
     id: "region.rectangle",
     label: "Draw a rectangle to add a region",
     hint: "A box is fitted to all points of the surface in the rectangle",
-    group: "Poses",
+    group: "Regions",
     shortcut: "R",
     when: () => step.value === "poses" && isMeshed.value,
     run: () => startRectangle(false),
@@ -184,14 +184,15 @@ registerCommands([
     label: "Delete",
     group: "Poses",
     shortcut: "Delete",
+    isRemoving: true,
     when: arePoses,
     run: () => void deletePoses(selectedPoses()),
   },
-  { id: "region.rename", label: "Rename", group: "Poses", shortcut: "F2", when: areRegions, run: startRenaming },
+  { id: "region.rename", label: "Rename", group: "Regions", shortcut: "F2", when: areRegions, run: startRenaming },
   {
     id: "region.duplicate",
     label: "Duplicate",
-    group: "Poses",
+    group: "Regions",
     shortcut: "Mod+D",
     when: areRegions,
     run: () => void duplicateRegions(),
@@ -199,8 +200,9 @@ registerCommands([
   {
     id: "region.delete",
     label: "Delete",
-    group: "Poses",
+    group: "Regions",
     shortcut: "Delete",
+    isRemoving: true,
     when: areRegions,
     run: () => void deleteRegions(selectedRegions()),
   },

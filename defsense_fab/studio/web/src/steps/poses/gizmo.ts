@@ -207,9 +207,10 @@ export class Gizmo {
 
   private release(event: PointerEvent): void {
     if (!this.drag) return;
+    const isMoved = this.frame !== 0 || this.drag.last !== this.drag.start || this.drag.turns !== 0;
     cancelAnimationFrame(this.frame);
     this.frame = 0;
-    if (this.drag.last !== this.drag.start || this.drag.turns) {
+    if (isMoved) {
       this.report(event.ctrlKey || event.metaKey, event.shiftKey);
       this.end();
       this.events.onDrop();

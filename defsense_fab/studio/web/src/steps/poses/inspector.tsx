@@ -63,7 +63,7 @@ function Several({ poses, regions: names }: { poses: string[]; regions: string[]
     names.length && `${names.length} ${names.length === 1 ? "region" : "regions"}`,
   ];
   return (
-    <div class="panel-body">
+    <div class="panel-body several-items">
       <h2>{parts.filter(Boolean).join(" and ")} selected</h2>
       {poses.length > 0 && (
         <Button icon="trash" onClick={() => void deletePoses(poses)}>

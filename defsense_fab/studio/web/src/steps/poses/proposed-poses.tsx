@@ -41,7 +41,7 @@ export function ProposedPoses() {
       {found?.held && poses.length === 0 && <p>No mode was found that a moved region can follow.</p>}
       <ul class="item-list">
         {poses.map(({ name, frequency }) => (
-          <li key={name} class="proposal">
+          <li key={name} class="proposed-pose">
             <button
               type="button"
               class="item-row"

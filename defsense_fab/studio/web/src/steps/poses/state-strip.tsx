@@ -138,7 +138,7 @@ function RampControls() {
           <button
             key={level}
             type="button"
-            class="chip"
+            class="level-chip"
             aria-pressed={share.value === level && !shownState.value}
             disabled={!isMeshed.value}
             onClick={() => setShare(level)}
@@ -192,7 +192,7 @@ function SimulatedList() {
           <button
             key={name}
             type="button"
-            class="chip"
+            class="level-chip"
             aria-pressed={shownState.value === name}
             onClick={() => (shownState.value = shownState.value === name ? "" : name)}
           >
