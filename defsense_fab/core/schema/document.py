@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 from ..errors import DefsenseError, DeviceError
+from ..storage.files import read_regular
 from .declare import Problem
 from .key_lines import KeyPath, key_lines
 from .reader import Reader
@@ -116,7 +117,7 @@ def load_document(path: Path, error: type[DefsenseError] = DeviceError) -> Docum
         DefsenseError: of the class `error`, if the file is missing, unreadable or not TOML.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_regular(path).decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
         raise error(
             "no such file",

@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import shutil
+import stat
 import sys
 import time
 from collections.abc import Iterator
@@ -31,6 +32,7 @@ _ERROR_CODES: dict[type[OSError], str] = {
     FileExistsError: "file-exists",
     PermissionError: "permission-denied",
 }
+_MAX_READ_BYTES = 256 * 1024 * 1024
 _RELEASE_TIMEOUT_S = 2.0  # within which a virus scanner on Windows closes a new file
 #: Errors of file systems without locks, such as some network file systems.
 _NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
@@ -68,6 +70,25 @@ def storage_errors(path: Path) -> Iterator[None]:
             action="Check the path and its permissions",
             path=refused,
         ) from None
+
+
+def read_regular(path: Path) -> bytes:
+    """Return the content of a file of a folder that may come from anybody.
+
+    Raises:
+        OSError: The system refused, or the path is a folder, a pipe or a device, whose reader could
+            wait forever, or the file is larger than 256 MB.
+    """
+    file = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    with os.fdopen(file, "rb") as opened:
+        status = os.fstat(file)
+        if stat.S_ISDIR(status.st_mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        if not stat.S_ISREG(status.st_mode):
+            raise OSError(errno.EINVAL, "is not a file", str(path))
+        if status.st_size > _MAX_READ_BYTES:
+            raise OSError(errno.EFBIG, "is too large", str(path))
+        return opened.read()
 
 
 @contextmanager
@@ -226,7 +247,7 @@ def load_json(path: Path, error: type[DefsenseError], action: str) -> Any:
         DefsenseError: Of the class `error`, where the file cannot be read or is not JSON.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(read_regular(path).decode("utf-8"))
     except OSError as problem:
         raise error(
             f"cannot be read: {problem.strerror}",

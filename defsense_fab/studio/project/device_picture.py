@@ -7,7 +7,7 @@ import binascii
 from pathlib import Path
 
 from ...core.errors import StorageError
-from ...core.storage.files import replace_file, storage_errors
+from ...core.storage.files import read_regular, replace_file, storage_errors
 from .history import FOLDER
 
 _FILE = "picture"
@@ -52,10 +52,9 @@ def read_picture(folder: Path) -> str:
     """Return the picture of the device in a folder as a data URL; empty if there is none."""
     path = folder / FOLDER / _FILE
     try:
-        if path.is_symlink() or path.parent.is_symlink() or not path.is_file():
+        if path.is_symlink() or path.parent.is_symlink():
             return ""
-        with path.open("rb") as file:
-            content = file.read(MAX_PICTURE_BYTES + 1)
+        content = read_regular(path)
     except OSError:
         return ""
     return picture_url(content) if len(content) <= MAX_PICTURE_BYTES else ""

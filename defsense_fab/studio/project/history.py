@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import StorageError
-from ...core.storage.files import storage_errors, write_text
+from ...core.storage.files import read_regular, storage_errors, write_text
 
 FOLDER, FILE = ".studio", "history.jsonl"
 MAX_STEPS = 400
@@ -155,7 +155,7 @@ def _read(path: Path) -> tuple[list[Step], int, bool]:
         if the file is missing or holds none.
     """
     try:
-        lines = path.read_text(encoding="utf-8").split("\n")
+        lines = read_regular(path).decode("utf-8").split("\n")
     except (OSError, UnicodeDecodeError):
         return [], 0, False
     steps, at, is_intact = list[Step](), 0, lines[-1] == ""

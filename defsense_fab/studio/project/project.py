@@ -12,7 +12,7 @@ from tomlkit.exceptions import TOMLKitError
 from ...core.device.device import Device
 from ...core.device.device_file import DEVICE, parse_device
 from ...core.errors import DeviceError
-from ...core.storage.files import write_text
+from ...core.storage.files import read_regular, write_text
 from ..edits.edit import Edit
 from .history import History
 
@@ -166,8 +166,7 @@ class Project:
 
     def _read(self) -> str:
         try:
-            with self._path.open(encoding="utf-8", newline="") as file:
-                return file.read()
+            return read_regular(self._path).decode("utf-8")
         except (OSError, UnicodeDecodeError) as error:
             reason = error.strerror if isinstance(error, OSError) else str(error)
             raise DeviceError(

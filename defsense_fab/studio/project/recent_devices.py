@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ...core.device.device_file import DEVICE
 from ...core.errors import StorageError
-from ...core.storage.files import config_folder, storage_errors, write_json
+from ...core.storage.files import config_folder, read_regular, storage_errors, write_json
 
 _FILE = "recent-devices.json"
 _SCHEMA = 1
@@ -41,7 +41,7 @@ class Recent:
     def current_name(self) -> str:
         """Its name in the file now, or else when it was opened."""
         try:
-            document = tomllib.loads((self.folder / DEVICE).read_text(encoding="utf-8"))
+            document = tomllib.loads(read_regular(self.folder / DEVICE).decode("utf-8"))
         except (OSError, ValueError):
             return self.name
         name = document.get("name")

@@ -10,6 +10,7 @@ from ...capture.sessions.results import ALIGNED, QUALITY
 from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.errors import DefsenseError
+from ...core.storage.files import read_regular
 from ...core.storage.session_manifest import FILE, load_capture
 from ...store.layout import LAYOUT, layout_hash, load_layout
 
@@ -66,7 +67,7 @@ def known_sessions(device: Device) -> list[KnownSession]:
 def _is_of_device(path: Path) -> bool:
     """Return whether a session file is of a device; sessions of specimens have the same file."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(read_regular(path))
     except (OSError, ValueError):
         return True  # its reader reports it
     return not (isinstance(data, dict) and "specimen" in data)
@@ -79,7 +80,7 @@ def _read_session(folder: Path, device: Device, layout: str) -> KnownSession:
         return KnownSession(folder, code=error.code, problem=str(error))
     code, problem, frames, seconds, is_raw = "", "", 0, 0.0, False
     try:
-        quality = json.loads((folder / QUALITY).read_text(encoding="utf-8"))
+        quality = json.loads(read_regular(folder / QUALITY))
         frames, seconds = int(quality["frames"]), float(quality["seconds"])
     except (OSError, ValueError, KeyError, TypeError):
         is_raw = any(folder.glob("run-*/*.csv"))

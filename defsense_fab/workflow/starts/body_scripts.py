@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ...core.errors import BodyError
+from ...core.storage.files import read_regular
 
 #: Suffixes of files that Python imports.
 MODULE_SUFFIXES = (".py", ".pyc", ".so", ".pyd")
@@ -50,7 +51,7 @@ def read_script(path: Path) -> ScriptText:
         BodyError: If the script cannot be read.
     """
     try:
-        files = {path.name: path.read_bytes()}
+        files = {path.name: read_regular(path)}
         queue = [path.name, *_find_importable(path.parent)]
     except OSError as error:
         raise BodyError(
@@ -63,7 +64,7 @@ def read_script(path: Path) -> ScriptText:
         name = queue.pop()
         if name not in files:
             try:
-                files[name] = (path.parent / name).read_bytes()
+                files[name] = read_regular(path.parent / name)
             except OSError:
                 continue  # an import will not find it either
         queue += [n for n in _find_imports(path.parent, name, files[name]) if n not in files]
@@ -162,7 +163,7 @@ def read_parameters(path: Path, given: Mapping[str, Any]) -> tuple[Parameter, ..
         BodyError: If the script cannot be read, is not Python, or has no function `body`.
     """
     try:
-        tree = _parse(path.read_bytes(), str(path))
+        tree = _parse(read_regular(path), str(path))
     except SyntaxError as error:
         raise BodyError(
             f"is not valid Python ({error.msg})",

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import os
 import subprocess
 import sys
 
 import pytest
 
 from defsense_fab.core.errors import StorageError
-from defsense_fab.core.storage.files import check_folder, file_lock, replace_folder, unused_path
+from defsense_fab.core.storage.files import (
+    check_folder,
+    file_lock,
+    read_regular,
+    replace_folder,
+    unused_path,
+)
 from tests.support.errors import raises
 
 
@@ -132,3 +139,20 @@ def test_impossible_folder_is_refused_before_it_is_created(tmp_path):
     for path in (tmp_path / "file", tmp_path / "file" / "within"):
         with raises(StorageError, "not-a-folder", path=tmp_path / "file"):
             check_folder(path)
+
+
+def test_only_files_are_read(tmp_path):
+    path = tmp_path / "file"
+    path.write_bytes(b"content")
+    assert read_regular(path) == b"content"
+    with pytest.raises(IsADirectoryError):
+        read_regular(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        read_regular(tmp_path / "missing")
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "zero").symlink_to("/dev/zero")
+    with (tmp_path / "huge").open("wb") as file:
+        file.truncate(2**40)  # without content on the disk
+    for name in ("pipe", "zero", "huge"):
+        with pytest.raises(OSError, match=name):
+            read_regular(tmp_path / name)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 
@@ -164,6 +166,27 @@ def test_an_invalid_file_keeps_the_last_device(folder):
     project.restore()
     assert file_text(folder) == TEXT
     assert not project.refresh()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes")
+def test_a_pipe_in_place_of_the_file_is_an_error_and_blocks_nothing(folder):
+    project = Project(folder)
+    path = folder / "device.toml"
+    path.unlink()
+    os.mkfifo(path)
+    for call in (project.refresh, lambda: project.apply(body.rename_device("b")), project.undo):
+        with raises(DeviceError, "file-unreadable"):
+            call()
+    path.unlink()
+    path.mkdir()
+    with raises(DeviceError, "file-unreadable"):
+        project.refresh()
+    path.rmdir()
+    project.restore()
+    project.apply(body.rename_device("c"))
+    (folder / history.FOLDER / history.FILE).unlink()
+    os.mkfifo(folder / history.FOLDER / history.FILE)
+    assert Project(folder).undo_name is None
 
 
 def test_an_edit_with_an_invalid_result_changes_nothing(folder):

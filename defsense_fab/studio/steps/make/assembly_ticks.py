@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from ....core.errors import StorageError
-from ....core.storage.files import storage_errors, write_text
+from ....core.storage.files import read_regular, storage_errors, write_text
 from ...project.history import FOLDER
 
 FILE = "assembly.json"
@@ -55,7 +55,7 @@ class AssemblyTicks:
 def _read(path: Path) -> list[str]:
     """Return the identifiers of a file; none if it is missing or damaged."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_regular(path))
     except (OSError, ValueError):
         return []
     done = content.get("done") if isinstance(content, dict) else None

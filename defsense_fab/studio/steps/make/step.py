@@ -6,6 +6,7 @@ import threading
 from collections.abc import Mapping
 
 from ....core.errors import DefsenseError, StorageError
+from ....core.storage.files import read_regular
 from ....workflow.build.build import first_outdated
 from ....workflow.build.export import describe_changes, export, export_name
 from ....workflow.build.recorded_options import recorded_options
@@ -92,7 +93,10 @@ class MakeStep(Step):
         else:
             return None
         try:
-            return Download(file.name, file.read_bytes())
+            inside = session.device.source.resolve()
+            if not file.resolve().is_relative_to(inside):  # a folder from elsewhere has links
+                return None
+            return Download(file.name, read_regular(file))
         except OSError:  # another build replaces it
             return None
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ....core.device.device import Device
 from ....core.errors import LiveError
+from ....core.storage.files import read_regular
 from ....workflow.run.choices import known_models
 from ....workflow.run.outputs import LIVE_FILE, read_settings
 from ....workflow.train.training import MODEL
@@ -103,7 +104,7 @@ class MeasureStep(Step):
         if page is None:
             return None
         try:
-            return Download(page.name, page.read_bytes())
+            return Download(page.name, read_regular(page))
         except OSError:  # removed meanwhile
             return None
 

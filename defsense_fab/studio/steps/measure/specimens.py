@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from ....core.storage.files import read_regular
 from ....core.storage.session_manifest import FILE
 
 RESPONSE_FILE = "response.json"
@@ -17,7 +18,7 @@ def specimen_sessions(folder: Path) -> list[Path]:
     sessions = []
     for path in sorted([*folder.glob(f"*/{FILE}"), *folder.glob(f"*/*/{FILE}")]):
         try:
-            manifest = json.loads(path.read_text(encoding="utf-8"))
+            manifest = json.loads(read_regular(path))
         except (OSError, ValueError):  # damaged, whatever kind of session it is
             continue
         if isinstance(manifest, dict) and "specimen" in manifest:
