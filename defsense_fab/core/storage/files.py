@@ -124,7 +124,7 @@ def replace_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     """Write a folder that takes the place of `path` at the end, or nothing after an error.
 
     Args:
-        path: Folder to write. An empty folder there is replaced.
+        path: Folder to write. An empty folder there is replaced, and so is a link to one.
         overwrite: Whether a folder with content is replaced, too.
 
     Yields:
@@ -133,7 +133,8 @@ def replace_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     Raises:
         StorageError: `path` is a file, or a folder with content; or the system refused.
     """
-    path = path.resolve()  # "." has no name
+    # "." has no name. A link is replaced itself, since its target may be anybody's folder.
+    path = path.parent.resolve() / path.name if path.name not in ("", "..") else path.resolve()
     new = path.with_name(f".{path.name}.{os.getpid()}.part")
     old = path.with_name(f".{path.name}.{os.getpid()}.old")
     try:
@@ -156,6 +157,8 @@ def replace_folder(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
         if old.exists() and not path.exists():
             old.rename(path)
         for leftover in (new, old):
+            if leftover.is_symlink():
+                leftover.unlink()
             shutil.rmtree(leftover, ignore_errors=True)
 
 

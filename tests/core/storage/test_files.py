@@ -141,6 +141,19 @@ def test_impossible_folder_is_refused_before_it_is_created(tmp_path):
             check_folder(path)
 
 
+def test_a_link_is_replaced_and_its_target_stays(tmp_path):
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "mine").write_text("mine", encoding="utf-8")
+    link = tmp_path / "report"
+    link.symlink_to(tmp_path / "other")
+    with replace_folder(link, overwrite=True) as new:
+        (new / "page").write_text("page", encoding="utf-8")
+    assert not link.is_symlink()
+    assert [path.name for path in link.iterdir()] == ["page"]
+    assert (tmp_path / "other" / "mine").read_text("utf-8") == "mine"
+    assert {path.name for path in tmp_path.iterdir()} == {"other", "report"}
+
+
 def test_only_files_are_read(tmp_path):
     path = tmp_path / "file"
     path.write_bytes(b"content")

@@ -175,6 +175,12 @@ def test_tags_are_made(page, monkeypatch):
     assert "12 tags" in page.status("record").text
 
 
+def test_tags_are_not_written_through_a_link(page, tmp_path):
+    (tmp_path / "other").mkdir()
+    (page.folder / "markers").symlink_to(tmp_path / "other")
+    assert page.refusal(messages.MakeTags) == "outside-device-folder"
+
+
 def test_the_response_is_fitted_and_used_until_it_is_undone(page, monkeypatch):
     assert page.refusal(messages.FitResponse) == "no-specimen"
     assert page.refusal(messages.UseResponse) == "no-response"

@@ -109,11 +109,24 @@ def test_a_recording_ends_with_the_studio(page, board):
     assert not page.step.guided.is_busy
 
 
-@pytest.mark.parametrize("name", ["..", "a/b", "", "."])
+@pytest.mark.parametrize("name", ["..", "a/b", "", ".", ".studio", "a\0b", "CON"])
 def test_the_session_must_be_a_folder_of_the_device(page, name):
     request = {**RECORDING, "session": name}
     assert page.refusal(messages.StartRecording, **request) == "invalid-session-name"
     assert not page.step.guided.is_busy
+
+
+def test_a_session_takes_no_folder_with_other_content(page, tmp_path):
+    (page.folder / "notes").mkdir()
+    (page.folder / "notes" / "mine.txt").write_text("mine", encoding="utf-8")
+    for name, code in (("build", "file-exists"), ("notes", "file-exists")):
+        assert page.refusal(messages.StartRecording, **{**RECORDING, "session": name}) == code
+    (tmp_path / "other").mkdir()
+    (page.folder / "linked").symlink_to(tmp_path / "other")
+    request = {**RECORDING, "session": "linked"}
+    assert page.refusal(messages.StartRecording, **request) == "outside-device-folder"
+    request = {**RECORDING, "calibration": "../../cameras.toml"}
+    assert page.refusal(messages.StartRecording, **request) == "outside-device-folder"
 
 
 def test_a_missing_camera_file_is_reported_and_leaves_no_session(page, board):

@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 
 from ....core.errors import CalibrationError, CaptureError
-from ....core.storage.file_names import name_problem
 from ....workflow.board.check import check_board
 from ....workflow.board.options import CheckOptions
 from ....workflow.calibrate.record_specimen import record_specimen
@@ -14,6 +13,7 @@ from ....workflow.sessions.options import RecordOptions
 from ....workflow.sessions.recording import NONE, RecordedSession, is_twin, record_session
 from ...messages import measure as messages
 from ...session.device_session import DeviceSession
+from .device_paths import inside, recording_folder
 from .guided_runs import GuidedRuns
 from .results import check_result
 from .status_board import StatusBoard
@@ -45,19 +45,10 @@ class GuidedTasks:
 
     def start_recording(self, request: messages.StartRecording) -> None:
         """Record the device, or resume a stopped session, on a thread."""
-        name = request.session.strip()
-        is_folder_name = name not in ("", ".", "..") and Path(name).name == name
-        problem = name_problem(name) if is_folder_name else "it is not the name of a folder"
-        if problem:
-            raise CaptureError(
-                problem,
-                code="invalid-session-name",
-                where="session",
-                action="Enter the name of a folder in the device's folder",
-            )
-        device, folder = self._session.device, self._session.project.folder / name
+        device, device_folder = self._session.device, self._session.project.folder
+        folder = recording_folder(device_folder, request.session.strip())
         cameras = _camera_addresses(request.cameras)
-        calibration = self._session.project.folder / request.calibration.strip()
+        calibration = inside(device_folder, request.calibration.strip(), CaptureError)
         options = RecordOptions(
             calibration=None if is_twin(cameras[0]) else calibration,
             out=folder,
@@ -79,15 +70,7 @@ class GuidedTasks:
 
     def start_specimen(self, request: messages.MeasureSpecimen) -> None:
         """Measure a specimen, or continue its measurement, on a thread."""
-        folder = self._session.project.folder.resolve()
-        path = (folder / request.specimen.strip()).resolve()
-        if not path.is_relative_to(folder):
-            raise CalibrationError(
-                "is outside of the device's folder",
-                code="outside-device-folder",
-                where=path,
-                action="Copy the specimen's folder to the device's folder",
-            )
+        path = inside(self._session.project.folder, request.specimen.strip(), CalibrationError)
         self._runs.start("specimen", lambda: self._measure(request.port.strip(), path))
 
     def _check(self, port: str, options: CheckOptions) -> None:

@@ -12,6 +12,7 @@ from ....workflow.calibrate.simulated_specimens import simulate_specimens
 from ....workflow.run.choices import is_built
 from ....workflow.sessions.known_sessions import known_sessions
 from ....workflow.sessions.twin_sessions import session_folder
+from ....workflow.tags.options import MARKERS_FOLDER
 from ....workflow.train.options import CordFamilyName, TwinOptions
 from ....workflow.train.training import MODEL
 from ...background.background_job import run_with_progress
@@ -21,6 +22,7 @@ from ...session.device_session import DeviceSession
 from ...session.job_strip import Work
 from . import jobs
 from .choices import relative_name
+from .device_paths import inside
 from .results import evaluation_result, response_result, training_result
 from .specimens import RESPONSE_FILE, SIMULATED_PREFIX, specimen_sessions
 from .status_board import StatusBoard, TaskName
@@ -52,6 +54,7 @@ class TrainingTasks:
 
     def make_tags(self) -> None:
         """Write the device's tags, after asking whether the body's script may run."""
+        inside(self._folder, MARKERS_FOLDER, CaptureError)
         if self._session.may_run_script(self.make_tags):
             self._start(
                 "record",
