@@ -109,8 +109,11 @@ class DeviceFile(Table, frozen=True, kw_only=True):
         yield from (p.below("states") for p in self.states.check_poses(names))
         cords = [sensor.name for sensor in self.sensors]
         for number, name in enumerate(cords):
+            path = ("sensors", number, "name")
+            if not name.isprintable():
+                text = f"must be one line of letters, not {name!r}"
+                yield Problem(path, text, "name-invalid")
             if name in cords[:number]:
-                path = ("sensors", number, "name")
                 text = f"{name!r} is used already"
                 yield Problem(path, text, "name-repeated", "Choose another name")
         if self.design.sensors is not None and self.design.sensors < len(cords):

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ...core.errors import DeviceError
 from ...workflow.train.training import MODEL
-from ...workflow.view import Request
+from ...workflow.view import Client, Request
 from ..edits.body import rename_device
 from ..messages import shell
 from ..session.cord_states import cord_states
@@ -41,10 +42,16 @@ class ShellStep(Step):
             shell.CancelJob: handler(jobs.cancel),
             shell.StartBuild: lambda _, request: session.build(request.stage),
             shell.Answer: lambda _, request: session.answer(run=request.run),
-            shell.RenameDevice: lambda _, request: session.apply(
-                rename_device(request.name.strip())
-            ),
+            shell.RenameDevice: self._rename,
         }
+
+    def _rename(self, _: Client, request: shell.RenameDevice) -> None:
+        name = request.name.strip()
+        if not name:
+            raise DeviceError(
+                "a device needs a name", code="name-invalid", action="Enter one", key="name"
+            )
+        self.session.apply(rename_device(name))
 
     def on_device_changed(self) -> None:
         session, device = self.session, self.session.device

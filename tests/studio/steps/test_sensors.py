@@ -115,6 +115,18 @@ def test_cords_are_added_copied_mirrored_renamed_and_deleted(app):
         ask("delete-cords", cords=["gone"])
 
 
+@pytest.mark.parametrize("name", ["a\nb", "\x1b[31m", "", "\u202ex"])
+def test_names_are_one_line_of_letters(app, name):
+    before = app.session.project.text
+    for kind, values in (
+        ("rename-device", {}),
+        ("rename-cord", {"cord": next(iter(cords(app)))}),
+    ):
+        with pytest.raises(DeviceError, match="name"):
+            app.browser.ask(kind, name=name, **values)
+    assert app.session.project.text == before
+
+
 def test_points_are_inserted_and_deleted(app):
     name, cord = next(iter(cords(app).items()))
     count = len(cord.points)

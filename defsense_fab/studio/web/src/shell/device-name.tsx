@@ -10,7 +10,7 @@ export function DeviceName() {
   const shown = typed.value ?? name;
   const commit = async () => {
     const text = typed.value?.trim();
-    if (text && text !== name) await run(connection.send("rename-device", { name: text }));
+    if (text !== undefined && text !== name) await run(connection.send("rename-device", { name: text }));
     typed.value = null;
   };
   return (
@@ -19,6 +19,7 @@ export function DeviceName() {
       aria-label="Device name"
       autocomplete="off"
       spellcheck={false}
+      maxLength={120}
       size={Math.max(6, Math.min(24, shown.length))}
       value={shown}
       {...tooltip(typed.value === null ? "Rename the device" : undefined)}

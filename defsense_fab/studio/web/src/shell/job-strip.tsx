@@ -90,11 +90,12 @@ function RunningJob() {
 }
 
 function EndedJob() {
-  const { title, message, problem } = job.value!;
+  const { title, message, problem, share } = job.value!;
+  const isCanceled = !problem && share < 1;
   return (
     <>
-      <span class={problem ? "job-failed" : "job-done"}>
-        <Icon name={problem ? "error" : "check"} />
+      <span class={problem ? "job-failed" : isCanceled ? "job-canceled" : "job-done"}>
+        <Icon name={problem ? "error" : isCanceled ? "stop" : "check"} />
       </span>
       <strong>{title}</strong>
       <span class="job-message ended" role={problem ? "alert" : "status"}>
