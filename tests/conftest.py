@@ -45,11 +45,11 @@ def structured_bar(low, high, counts):
 #: Files of more than 25 s, first: one that began last would leave the other worker idle.
 LONG_FILES = (
     "workflow/build/test_build.py",
-    "studio/browser/test_whole_design.py",
+    "studio/browser/test_screens.py",
     "docs/test_guide_commands.py",
     "geometry/parts/test_random_layouts.py",
     "capture/sessions/test_long_sessions.py",
-    "studio/optimize/test_optimize_mode.py",
+    "studio/steps/test_optimize.py",
     "workflow/build/test_fabricate.py",
     "capture/tags/test_edge_fit.py",
     "workflow/reproduce/test_run.py",
