@@ -46,10 +46,11 @@ def structured_bar(low, high, counts):
 LONG_FILES = (
     "workflow/build/test_build.py",
     "studio/browser/test_whole_design.py",
+    "studio/browser/test_in_a_browser.py",
+    "studio/browser/test_screens.py",
     "docs/test_guide_commands.py",
     "geometry/parts/test_random_layouts.py",
     "capture/sessions/test_long_sessions.py",
-    "studio/optimize/test_optimize_mode.py",
     "workflow/build/test_fabricate.py",
     "capture/tags/test_edge_fit.py",
     "workflow/reproduce/test_run.py",

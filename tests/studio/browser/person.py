@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from math import sin
 
 
 class Person:
@@ -37,6 +38,23 @@ class Person:
             mouse.move(*point, steps=2)
         mouse.up()
         self.clicks += 1
+
+    def draw(self, level):
+        """Draw a wave from one end of the body to the other, where a plane is faced.
+
+        Args:
+            level: Height above the middle of the scene, as a share of its width.
+        """
+        scene = self.page.get_by_role("application")
+        box, last = None, None
+        while box is None or box != last:  # until the scene is at rest
+            last, box = box, scene.bounding_box()
+            self.page.wait_for_timeout(500)
+        x, y, width = box["x"], box["y"] + box["height"] / 2, box["width"]
+        shares = [0.06 + 0.044 * k for k in range(21)]
+        self.drag(
+            [(x + share * width, y - (level + 0.005 * sin(9 * share)) * width) for share in shares]
+        )
 
     # Keyboard
 

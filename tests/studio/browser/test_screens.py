@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 DESKTOP = {"width": 1280, "height": 800}
 SIZES = (PHONE, DESKTOP, {"width": 1920, "height": 1080})
 SEVERE = ("serious", "critical")
-FONT_SIZES = "document.fonts.ready.then(() => undefined)"
+FONTS_ARE_LOADED = "document.fonts.ready.then(() => undefined)"
 WIDTH = "[document.documentElement.scrollWidth, window.innerWidth]"
 
 
@@ -45,7 +45,7 @@ class Screens:
         page = self.page
         for size in SIZES:
             page.set_viewport_size(size)
-            page.evaluate(FONT_SIZES)
+            page.evaluate(FONTS_ARE_LOADED)
             width, window_width = page.evaluate(WIDTH)
             if width > window_width:
                 self.faults.append(f"{name}: {width} px in a window of {window_width} px")
@@ -58,7 +58,9 @@ class Screens:
 
     def _violations(self, where):
         options = {"resultTypes": ["violations"]}
-        found: list[dict[str, Any]] = axe.Axe().run(self.page, options=options).response["violations"]
+        found: list[dict[str, Any]] = (
+            axe.Axe().run(self.page, options=options).response["violations"]
+        )
         return [
             f"{where}: {violation['id']} at {node['target']}: {node['failureSummary']}"
             for violation in found

@@ -1,4 +1,4 @@
-"""A design from an empty folder to exported parts, by mouse and keyboard only."""
+"""A design from an empty folder to exported parts, by mouse and keyboard, and by keyboard alone."""
 
 from __future__ import annotations
 
@@ -7,122 +7,217 @@ import shutil
 import sys
 import zipfile
 
-import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.studio.page.studio import Studio
-from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.workflow.build.build import build
-from tests.studio.browser.conftest import around_arc, drag_until, new_context, until
+from tests.studio.browser.conftest import until
 from tests.studio.browser.person import Person
+from tests.studio.browser.screens import dismiss_introduction, inspector, step_button
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
-SIZE = {"width": 1000, "height": 700}
-BUILD_TIMEOUT_S = 600.0  # on a loaded machine
+
+#: Whether the path of a ring has not changed for a second.
+AT_REST = """path => {
+    const [shape, now] = [path.getAttribute("d"), performance.now()];
+    if (path.lastShape !== shape) Object.assign(path, { lastShape: shape, changedAt: now });
+    return now - path.changedAt > 1000;
+}"""
+#: Five points of a ring in the window that are next to each other and not covered.
+VISIBLE_PART = """path => {
+    const place = (share) => {
+        const point = path.getPointAtLength(share * path.getTotalLength());
+        const { x, y } = point.matrixTransform(path.getScreenCTM());
+        return document.elementFromPoint(x, y) === path ? [x, y] : null;
+    };
+    const places = Array.from({ length: 40 }, (_, k) => place((k + 0.5) / 40));
+    const parts = places.map((_, k) => places.slice(k, k + 5));
+    return parts.find((part) => part.length === 5 && part.every(Boolean));
+}"""
+
+
+class Design:
+    """A new device and the user who designs it.
+
+    Attributes:
+        person: The user.
+        folder: The device's folder.
+    """
+
+    def __init__(self, page, folder):
+        self.page, self.person, self.folder = page, Person(page), folder
+
+    @property
+    def device(self):
+        """The device as its file describes it."""
+        return load_device(self.folder)
+
+    def button(self, name):
+        """Return the button of a name in the entered step, or in the bar of the page."""
+        return self.page.get_by_role("button", name=name, exact=True)
+
+    def next(self, label):
+        """Return the button of the next action, once it has a label."""
+        return self.page.get_by_role("banner").get_by_role("button", name=label)
+
+    def cords(self, count):
+        """Wait until the predicted error is that of a number of cords."""
+        table = self.page.get_by_role("table", name="Expected error and signals of each pose")
+        fixed = 2  # columns of the pose and its error
+        assert until(lambda: table.get_by_role("columnheader").count() == fixed + count)
+
+    def angle(self):
+        """Return the angle of the tip in the first pose, degrees."""
+        return float(self.page.get_by_role("spinbutton", name="Angle").input_value())
 
 
 @pytest.fixture
-def page(browser):
-    with new_context(browser, viewport=SIZE, accept_downloads=True) as context:
-        page = context.new_page()
-        page.set_default_timeout(240_000)
-        yield page
+def design(serve, open_page, tmp_path):
+    folder = tmp_path / "arm"
+    studio = serve(folder, trusted=False)
+    return Design(open_page(studio.url, accept_downloads=True), folder)
 
 
-@pytest.fixture
-def studio(studio_server, tmp_path):
-    studio = Studio(studio_server, tmp_path / "arm", Agreement())
-    yield studio
-    studio.close()
-
-
-def build_by(person, label, studio):
-    """Press a button that builds, and wait for the end without an error."""
-    bench, errors = studio.page.bench, []
-    bench.on_build_loaded.append(lambda: errors.append(bench.build_error))
-    person.press(label)
-    assert until(lambda: errors, BUILD_TIMEOUT_S), label
-    assert errors == [None]
+def along_visible_part(ring):
+    """Return points of the window along a part of a ring that nothing covers, px."""
+    ring.page.wait_for_function(AT_REST, arg=ring.element_handle())
+    return ring.evaluate(VISIBLE_PART)
 
 
 def hashes(folder):
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.glob("*.st*")}
 
 
-def test_a_device_is_designed_and_exported(page, studio_server, studio, tmp_path):
-    page.goto(f"http://127.0.0.1:{studio_server.get_port()}")
-    person = Person(page)
-
-    person.press("Start with the bar")
-    page.get_by_text("Made by").wait_for()
-    device = lambda: studio.page.bench.project.device  # noqa: E731
-    person.write("Edge length, mm", "20")
-    assert until(lambda: device().mesh.edge_length == 20)
-    person.choose("Decoder", "affine")  # one decoder takes a quarter of the time
-    assert until(lambda: device().decoder == "affine")
-    person.write("Searches", "1")  # also to save time
-    assert until(lambda: device().searches == 1)
-
-    person.press("Poses")
-    build_by(person, "Mesh the body", studio)
-    for left in (2, 1, 0):
-        person.press("Delete")
-        assert until(lambda left=left: len(device().poses) == left)
-    for count, axis in ((1, 1), (2, 2)):
-        person.press("New")
-        assert until(lambda count=count: len(device().poses) == count)
-        before = device().poses[-1].handles[0].rotation.copy()
-
-        def turn_the_tip(axis=axis):
-            (client,) = studio_server.get_clients().values()
-            gizmo = studio_server.scene.get_handle_by_name("/grips/tip")
-            person.drag(around_arc(client, gizmo, axis))
-
-        assert drag_until(
-            page,
-            turn_the_tip,
-            lambda b=before: not np.allclose(device().poses[-1].handles[0].rotation, b),
-        )
-
-    person.press("Optimize")
-    build_by(person, "Simulate the poses", studio)
-
-    person.press("Cords")
-    while device().sensors:
-        count = len(device().sensors)
-        person.choose("Cord", device().sensors[0].name)
-        person.press("Delete the cord")
-        assert until(lambda count=count: len(device().sensors) == count - 1)
-    person.press("Draw by hand")
-    for count, level in enumerate((-30, 30), start=1):
-        stroke = [(40 + 30 * k, 350 + level + 8 * np.sin(k / 3)) for k in range(21)]
-        assert drag_until(
-            page,
-            lambda stroke=stroke: person.drag(stroke),
-            lambda count=count: len(device().sensors) == count,
-        )
-    person.press("End drawing")
-
-    person.press("Optimize")
-    build_by(person, "Optimize the cords", studio)
-    person.press("Take the optimized cords")
-    assert until(lambda: studio.page.bench.project.undo_name == "take the optimized cords")
-
-    # A build continues from the layout of the build before it.
-    copy = tmp_path / "elsewhere"
-    shutil.copytree(tmp_path / "arm", copy)
-    person.press("Make")
-    build_by(person, "Build everything", studio)
-    with page.expect_download() as sent:
-        person.press("Export as a zip")
+def check_export(design, download, copy, tmp_path):
+    """Compare the exported parts with those that the library builds from a copy of the device."""
     zipped = tmp_path / "export.zip"
-    sent.value.save_as(zipped)
-
+    download.save_as(zipped)
     build(load_device(copy), "fabricate")
     with zipfile.ZipFile(zipped) as whole:
         whole.extractall(tmp_path / "out")
     (exported,) = (p for p in (tmp_path / "out").rglob("parts") if p.is_dir())
     assert hashes(exported) == hashes(copy / "build" / "parts") != {}
-    summary = f"{person.clicks} clicks, {person.keys} keys, {person.minutes:.1f} minutes"
-    sys.stdout.write(f"{summary}\n")  # with pytest -s
+    sys.stdout.write(f"{design.person}\n")  # with pytest -s
+
+
+def test_a_device_is_designed_and_exported(design, tmp_path):
+    page, person = design.page, design.person
+    person.click(page.get_by_role("main").get_by_role("button", name="Bar Three cords"))
+    person.click(design.button("Create the device"))
+    dismiss_introduction(page)
+
+    # Few elements, one decoder and one search: they take a fraction of the time.
+    for label, value in (("Edge length", "20"), ("Largest number of searches", "1")):
+        person.click(page.get_by_label(label, exact=True))
+        person.write(value)
+    page.get_by_label("Decoder", exact=True).select_option("affine")
+    assert until(lambda: design.device.decoder == "affine")
+    assert (design.device.mesh.edge_length, design.device.searches) == (20, 1)
+
+    person.click(step_button(page, "Poses"))
+    person.click(design.button("Mesh the body"))
+    states = page.get_by_role("group", name="States")
+    person.click(states.get_by_role("button", name="bend_down"))
+    person.press("Delete")
+    assert until(lambda: [pose.name for pose in design.device.poses] == ["bend_up", "twist"])
+    person.click(states.get_by_role("button", name="bend_up"))
+    ring = page.get_by_role("slider", name="Turn tip about y")
+    ring.wait_for()
+    before = design.angle()
+    person.drag(along_visible_part(ring))
+    assert until(lambda: design.angle() != before)
+
+    person.click(design.next("Simulate the poses"))
+    design.next("Optimize the cords").wait_for()
+
+    person.click(step_button(page, "Sensors"))
+    page.get_by_text("Select a cord to see and change it").wait_for()
+    person.press("Control+a")
+    person.click(inspector(page, "Sensors").get_by_role("button", name="Delete"))
+    page.get_by_text("The device has no cords yet").wait_for()
+    person.click(inspector(page, "Sensors").get_by_role("button", name="Draw"))
+    page.get_by_role("slider", name="Offset of the plane").wait_for()
+    for count, level in enumerate((-0.05, 0.05), start=1):
+        person.draw(level)
+        design.cords(count)
+    person.press("Escape")
+
+    person.click(design.next("Optimize the cords"))
+    person.click(design.button("Use the optimized cords"))
+    page.get_by_text("The drawn cords are the optimized ones").wait_for()
+    copy = shutil.copytree(design.folder, tmp_path / "elsewhere")  # with its search
+
+    person.click(design.next("Build the parts"))
+    page.get_by_text("The parts are up to date").wait_for()
+    with page.expect_download() as download:
+        person.click(design.button("Export as zip"))
+    check_export(design, download.value, copy, tmp_path)
+
+
+def test_a_device_is_designed_by_keyboard_alone(design, tmp_path):
+    page, person = design.page, design.person
+    bar = page.get_by_role("main").get_by_role("button", name="Bar Three cords")
+    bar.wait_for()
+    person.tab_to(bar)
+    person.press("Enter")
+    page.get_by_role("dialog").get_by_role("textbox", name="Name").wait_for()
+    person.press("Enter")
+
+    edge = page.get_by_label("Edge length", exact=True)
+    edge.wait_for()
+    person.tab_to(edge)
+    person.write("20")
+    person.tab_to(page.get_by_label("Decoder", exact=True))
+    person.choose("affine")
+    person.tab_to(page.get_by_label("Largest number of searches", exact=True))
+    person.write("1")
+    assert until(lambda: design.device.searches == 1)
+    assert (design.device.mesh.edge_length, design.device.decoder) == (20, "affine")
+
+    person.command("Go to Poses")
+    states = page.get_by_role("group", name="States")
+    person.tab_to(states.get_by_role("button", name="bend_down"))
+    person.press("Enter", "Delete")
+    assert until(lambda: [pose.name for pose in design.device.poses] == ["bend_up", "twist"])
+    person.tab_to(states.get_by_role("button", name="bend_up"))
+    person.press("Enter")
+    person.tab_to(page.get_by_role("spinbutton", name="Angle"))
+    person.write("-25")
+    design.next("Simulate the poses").wait_for()
+    person.press("Control+Enter")
+    design.next("Optimize the cords").wait_for()
+
+    person.command("Go to Sensors")
+    page.get_by_text("Select a cord to see and change it").wait_for()
+    person.press("Control+a")
+    page.get_by_role("heading", name="3 cords").wait_for()
+    person.press("Delete")
+    page.get_by_text("The device has no cords yet").wait_for()
+    for count, name in enumerate(("cord", "cord_2"), start=1):
+        person.press("n")
+        page.get_by_role("heading", name=name, exact=True).wait_for()
+        design.cords(count)
+    person.press("g")
+    person.tab_to(page.get_by_role("button", name="Move the plane along its normal"))
+    person.press("Shift+ArrowUp", "g")  # by 5 mm
+    person.tab_to(page.get_by_role("button", name="cord_2, point 3 of 6"))
+    before = design.device.sensors[1].curve.points[2].copy()
+    person.press("ArrowUp")
+    assert until(lambda: design.device.sensors[1].curve.points[2][1] == before[1] + 0.5)
+
+    design.next("Optimize the cords").wait_for()
+    person.press("Control+Enter")
+    use = design.button("Use the optimized cords")
+    use.wait_for()
+    person.tab_to(use)
+    person.press("Enter")
+    page.get_by_text("The drawn cords are the optimized ones").wait_for()
+    copy = shutil.copytree(design.folder, tmp_path / "elsewhere")
+    design.next("Build the parts").wait_for()
+    person.press("Control+Enter")
+    page.get_by_text("The parts are up to date").wait_for()
+    person.tab_to(design.button("Export as zip"))
+    with page.expect_download() as download:
+        person.press("Enter")
+    check_export(design, download.value, copy, tmp_path)
+    assert person.clicks == 0
