@@ -51,6 +51,7 @@ LONG_FILES = (
     "docs/test_guide_commands.py",
     "geometry/parts/test_random_layouts.py",
     "capture/sessions/test_long_sessions.py",
+    "studio/steps/test_optimize.py",
     "workflow/build/test_fabricate.py",
     "capture/tags/test_edge_fit.py",
     "workflow/reproduce/test_run.py",

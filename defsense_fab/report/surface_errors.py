@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.arrays import Bool, Float, Int
+from ..core.errors import StorageError
 from ..decoding.decoders import fit_decoder
 from ..decoding.expected_errors import choose_unseen_states
 from ..store.build import Build
@@ -58,7 +59,8 @@ def surface_errors(build: Build) -> SurfaceErrors:
     """Return the errors of the surface that a build's layout reads in every simulated state.
 
     Raises:
-        StorageError: The build has no layout or no simulated poses.
+        StorageError: The build has no layout or no simulated poses, or the poses were simulated
+            again after the layout was found.
     """
     fields = build.fields
     boundary = build.mesh.boundary()
@@ -68,6 +70,12 @@ def surface_errors(build: Build) -> SurfaceErrors:
     rest, faces = boundary.vertices[used], index[boundary.faces]
     signals, prediction = build.prediction.signals, build.layout.prediction
     moved = np.concatenate([np.zeros((1, *rest.shape)), fields.displacements[:, used]])
+    if len(signals) != len(moved):
+        raise StorageError(
+            "the layout belongs to earlier states of the poses",
+            code="build-outdated",
+            action="Optimize the cords again",
+        )
     is_trained = ~np.append(False, fields.held_out)
     flat_moved = moved.reshape(len(moved), -1)
     decoder = fit_decoder(

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-import trimesh
 
 from ..core.arrays import Float
 from ..core.device.build_folder import BUILD_AGAIN
@@ -26,6 +25,8 @@ END_NAMES = ("start", "end")
 
 def load_part(path: Path) -> Surface:
     """Return the surface in an STL file, mm."""
+    import trimesh  # slow, and not needed for the file alone
+
     mesh = trimesh.load_mesh(path)
     return Surface(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64))
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from ...core.arrays import Float
 from ...sensing.voltage_divider import conversion_time
@@ -146,5 +146,5 @@ def fit_hum(time: Float, values: Float) -> Hum:
     freedom = len(time) - 3 - unknowns
     ratio = ((before - after) / unknowns) / max(after / freedom, 1e-300)
     # An upper limit by Bonferroni's inequality: close frequencies are not independent.
-    chance = float(f_distribution.sf(ratio, unknowns, freedom)) * tried
+    chance = float(fdtrc(unknowns, freedom, ratio)) * tried
     return Hum(frequency, float(hum.std()), min(chance, 1.0), rest - hum)

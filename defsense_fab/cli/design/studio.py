@@ -15,7 +15,10 @@ from ..device import DeviceFolder
 from ..output import OutputOptions, print_lines
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from ...studio.app.studio_app import StudioApp
+    from ...workflow.view import WebServer
 
 #: Time between checks for changes by other programs.
 _POLL_INTERVAL_S = 1.0
@@ -81,15 +84,14 @@ def _studio(
         folder: Folder of the device; it need not exist yet.
     """
     from ...core.machine.local_access import Access
-    from ...studio.app.studio_app import StudioApp
-    from ...studio.project.agreement import Agreement
+    from ...studio.app.device_folder import check_folder
     from ...workflow.view import HOST, WebServer
 
+    check_folder(folder)
     host = options.host or HOST
     access = Access(host)
     server = WebServer(options.port, access, host)
-    studio = StudioApp(server, folder, Agreement(trusted=options.trust))
-    server.start(studio)
+    server.listen()  # the browser loads the page while the studio starts
     url = access.link(options.port)
     lines = [f"Studio:  {url}", "Press Ctrl-C to stop; all changes are saved."]
     if access.token:
@@ -100,9 +102,20 @@ def _studio(
 
         webbrowser.open(url)
     try:
-        _serve(studio, options.seconds)
+        _open(server, folder, options)
+    except KeyboardInterrupt:
+        print_lines(["Stopped."])
     finally:
         server.close()
+
+
+def _open(server: WebServer, folder: Path, options: StudioOptions) -> None:
+    from ...studio.app.studio_app import StudioApp
+    from ...studio.project.agreement import Agreement
+
+    studio = StudioApp(server, folder, Agreement(trusted=options.trust))
+    server.start(studio)
+    _serve(studio, options.seconds)
 
 
 def _serve(studio: StudioApp, seconds: float | None) -> None:
@@ -115,7 +128,5 @@ def _serve(studio: StudioApp, seconds: float | None) -> None:
             while seconds is None or time.monotonic() - started_at < seconds:
                 time.sleep(_POLL_INTERVAL_S)
                 studio.poll()
-    except KeyboardInterrupt:
-        print_lines(["Stopped."])
     finally:
         studio.close()

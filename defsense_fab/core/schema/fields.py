@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import msgspec
@@ -120,6 +121,7 @@ class Section:
         return f"[[{dotted}]]" if self.is_list else f"[{dotted}]"
 
 
+@cache
 def table_fields(kind: type) -> tuple[Field, ...]:
     """Return the keys of one declared table, in the declared order."""
     return tuple(map(_field, struct_type(kind).fields))

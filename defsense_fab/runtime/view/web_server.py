@@ -215,18 +215,26 @@ class WebServer:
         self._lock = threading.Lock()
         self.clients: set[Client] = set()
         self._application: Application | None = None
+        self._is_started = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None  # while it listens
         self._thread: threading.Thread | None = None
         self._server: Any = None
 
-    def start(self, application: Application) -> None:
-        """Listen, and hand requests to an application."""
-        self._application = application
+    def listen(self) -> None:
+        """Serve the files of the page; sockets wait until `start`."""
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
         starting = asyncio.run_coroutine_threadsafe(self._start(), self._loop)
         self._server = starting.result(_START_TIMEOUT_S)
+
+    def start(self, application: Application) -> None:
+        """Hand requests to an application, and listen if that was not done before."""
+        self._application = application
+        if self._loop is None:
+            self.listen()
+        assert self._loop is not None
+        self._loop.call_soon_threadsafe(self._is_started.set)
 
     def publish(self, event: Event) -> None:
         """Send an event to all browsers, and keep it for later ones; call it from any thread."""
@@ -275,6 +283,7 @@ class WebServer:
         )
 
     async def _stop(self) -> None:
+        self._is_started.set()  # waiting sockets end
         self._server.close()
         await self._server.wait_closed()
 
@@ -321,7 +330,9 @@ class WebServer:
     # The socket
 
     async def _serve(self, connection: Any) -> None:
-        assert self._application is not None
+        await self._is_started.wait()
+        if self._application is None:
+            return
         client = Client(asyncio.get_running_loop(), connection)
         with self._lock:
             self.clients.add(client)

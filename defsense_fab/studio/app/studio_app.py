@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...core.device.device_file import DEVICE
-from ...core.errors import DefsenseError, StorageError
+from ...core.errors import DefsenseError
 from ...core.storage.files import write_text
 from ...core.version import __version__
 from ...workflow.view import Client, Download, Event, Problem, Request, WebServer
@@ -17,8 +17,11 @@ from ..project.agreement import Agreement
 from ..project.history import last_valid_text
 from ..project.project import Project
 from ..session.request_limits import check_values
-from .device_app import DeviceApp
+from .device_folder import check_folder
 from .start_app import StartApp
+
+if TYPE_CHECKING:
+    from .device_app import DeviceApp
 
 
 class StudioApp:
@@ -46,13 +49,7 @@ class StudioApp:
     decoder = DECODER
 
     def __init__(self, server: WebServer, folder: Path, agreement: Agreement) -> None:
-        if folder.exists() and not folder.is_dir():
-            raise StorageError(
-                "is not a folder",
-                code="not-a-folder",
-                where=folder,
-                action="Give the folder of the device",
-            )
+        check_folder(folder)
         self._server, self._agreement = server, agreement
         self.home, self.folder = folder, folder
         self._lock = threading.RLock()
@@ -179,6 +176,8 @@ class StudioApp:
         except DefsenseError as error:
             self._show("broken", Problem.of(error))
             return
+        from .device_app import DeviceApp  # slow, and not needed for the start page
+
         self._server.forget()
         self._page = None
         self.device = DeviceApp(self._server, project, self._agreement)

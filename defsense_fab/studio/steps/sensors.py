@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.curve import Hermite, catmull_rom
+from ...core.curve import Hermite, catmull_rom, sample_path
 from ...core.device.device import Sensor
 from ...core.errors import DefsenseError, DeviceError, LayoutError
 from ...workflow.build.results import has_layout
@@ -29,6 +29,7 @@ _STRAIGHT_RADIUS_MM = 1000.0  # a cord with a larger radius is shown as straight
 _MAX_INLET_MM = 1e3  # an inlet that does not leave the body is infinite
 _SHIFT = 0.04  # of a copy from its original, times the body's size
 _MAX_SHOWN_PLACES = 400  # where limits are broken
+_EQUAL_PATHS_MM = 0.02  # by which equal paths may differ, as the file has three decimals
 _SNAP_TEXTS = {"surface": "surface", "middle": "middle of the body"}
 
 Cords = tuple[Sensor, ...]
@@ -211,7 +212,7 @@ class SensorsStep(Step):
     def _add_stroke(self, _: Client, request: messages.AddStroke) -> messages.CordResult:
         self._vertices()
         plane = plane_of(request.origin, request.axes)
-        if any(len(point) != 2 for point in request.stroke):  # noqa: PLR2004 - a plane
+        if any(len(point) != 2 for point in request.stroke):
             raise LayoutError("a point of a stroke needs two numbers", code="invalid-point")
         stroke = np.array(request.stroke, float).reshape(-1, 2)
         assert self.session.surface is not None
@@ -307,9 +308,8 @@ class SensorsStep(Step):
             layout = results.layout
         except (DefsenseError, OSError):  # a build replaces it, or it is damaged
             return None, False
-        built = [(c.name, rounded(c.sensor().curve.points)) for c in layout.by_channel()]
-        drawn = [(s.name, rounded(s.curve.points)) for s in self.session.device.sensors]
-        return layout.prediction.unseen, sorted(built) == sorted(drawn)
+        built = [record.sensor() for record in layout.by_channel()]
+        return layout.prediction.unseen, _are_equal(built, self.session.device.sensors)
 
 
 def judge(
@@ -366,6 +366,20 @@ def with_point(sensor: Sensor, index: int, point: Any) -> Sensor:
     if is_smooth(sensor.curve):
         tangents = catmull_rom(points)
     return replace(sensor, curve=Hermite(points, tangents))
+
+
+def _are_equal(some: Sequence[Sensor], others: Sequence[Sensor]) -> bool:
+    """Return whether cords have the same names and paths, up to the digits of `device.toml`."""
+    paths = {sensor.name: sample_path(sensor) for sensor in some}
+    if len(some) != len(others) or set(paths) != {sensor.name for sensor in others}:
+        return False
+    for sensor in others:
+        path = sample_path(sensor)
+        if path.shape != paths[sensor.name].shape:
+            return False
+        if np.abs(path - paths[sensor.name]).max() > _EQUAL_PATHS_MM:
+            return False
+    return True
 
 
 def _check_point(sensor: Sensor, index: int, point: Any) -> None:

@@ -18,11 +18,23 @@ function reportImports(): Plugin {
   };
 }
 
+/** Return a plugin that gives the view cube's package the module three-for-cube in place of three. */
+function threeForCube(): Plugin {
+  return {
+    name: "three-for-cube",
+    enforce: "pre",
+    resolveId(source, importer) {
+      const isCube = importer?.includes("/node_modules/three-viewport-gizmo/");
+      return source === "three" && isCube ? this.resolve("/src/scene/three-for-cube.ts") : null;
+    },
+  };
+}
+
 // The built page is committed and shipped in the wheel; its names have no hashes, so that a
 // rebuild changes contents only.
 export default defineConfig({
   base: "./",
-  plugins: [preact(), licenses(), reportImports()],
+  plugins: [threeForCube(), preact(), licenses(), reportImports()],
   build: {
     outDir: "../../data/web",
     emptyOutDir: true,

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-import trimesh
 from scipy.spatial import cKDTree
 
 from ...core.arrays import Float, Int, format_point
@@ -108,6 +107,8 @@ class BodySection:
         Returns:
             Vertices (v, 3) mm at rest and triangles (f, 3).
         """
+        import trimesh  # slow, and needed when the body is cut only
+
         nodes, faces = self.skin
         slice_faces: Any = trimesh.intersections.slice_faces_plane
         vertices, triangles = slice_faces(nodes, faces, -plane.normal, plane.origin)[:2]

@@ -30,6 +30,7 @@ TETS_PER_CUBE = 8.5
 #: Lengths of soft devices along their longest axis, mm; shorter ones have no room for a cord.
 USUAL_LENGTH_MM, POSSIBLE_LENGTH_MM = (40.0, 600.0), (15.0, 1500.0)
 SCRIPT = ".py"
+_MAX_SUFFIX_CHARACTERS = 8
 _MM = re.compile(r"\bmm(?=3?\b)")
 
 
@@ -168,7 +169,7 @@ def load_body_content(name: str, content: bytes) -> BodyFile:
         raise BodyError(
             "its content is neither STEP nor a mesh",
             code="unknown-format",
-            where=shown,
+            where=shown + _shown_suffix(name),
             action=f"Export the body as STEP, {FORMAT_NAMES}",
         )
     with tempfile.TemporaryDirectory(prefix="defsense-") as folder:
@@ -190,6 +191,12 @@ def load_body_content(name: str, content: bytes) -> BodyFile:
         body.repairs,
         format_unit=format_unit,
     )
+
+
+def _shown_suffix(name: str) -> str:
+    """Return the suffix of a file of unknown origin for messages."""
+    _, stop, suffix = name.rpartition(".")
+    return stop + re.sub(r"\W+", "", suffix)[:_MAX_SUFFIX_CHARACTERS]
 
 
 def _load_script(path: Path, content: bytes) -> BodyFile:

@@ -236,6 +236,29 @@ def test_busy_port_and_foreign_address_are_refused(page):
         WebServer(free_port(), Access("192.0.2.1"), "192.0.2.1")
 
 
+def test_page_is_served_and_sockets_wait_before_the_start():
+    server = WebServer(free_port(), Access("127.0.0.1"))
+    server.listen()
+    assert get(server)[0] == 200
+    assert get(server, "/files/parts")[0] == 404
+    with browser(server) as client:
+        client.send(json.dumps({"kind": "add", "id": 1, "a": 1, "b": 2}))
+        with pytest.raises(TimeoutError):
+            client.recv(timeout=0.2)
+        server.start(Calculator())
+        assert reply(client, 1)["result"] == {"value": 3}
+    server.close()
+
+
+def test_server_closes_while_sockets_wait():
+    server = WebServer(free_port(), Access("127.0.0.1"))
+    server.listen()
+    with browser(server) as client:
+        server.close()
+        with pytest.raises(ConnectionClosed):
+            client.recv(timeout=LONG)
+
+
 def test_requests_are_answered_by_number(page):
     with browser(page) as client:
         for k in range(50):
@@ -331,6 +354,8 @@ def test_browser_that_floods_is_refused_and_others_are_served(page):
         assert refused["problem"]["code"] == "too-many-requests"
         assert ask(other, "add", a=1, b=2)["result"] == {"value": 3}
         page.app.go_on.set()
+        for _ in range(299):  # a browser that does not read cannot close its connection
+            receive(client, lambda m: isinstance(m, dict) and m["kind"] == "reply")
 
 
 def test_browser_is_forgotten_when_it_leaves(page):
@@ -390,3 +415,36 @@ def test_problem_of_an_unknown_error_has_no_traceback():
     problem = Problem.of(ZeroDivisionError("x"))
     assert problem.code == "task-failed"
     assert "Traceback" not in problem.text
+
+
+def test_browser_that_asks_and_does_not_read_is_disconnected(page):
+    with socket.create_connection(("127.0.0.1", page.port)) as stuck, browser(page) as other:
+        key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
+        upgrade = f"Upgrade: websocket\r\nConnection: Upgrade\r\n{key}\r\n"
+        stuck.sendall(f"GET {SOCKET_PATH} HTTP/1.1\r\nHost: 127.0.0.1\r\n{upgrade}".encode())
+        until(lambda: len(page.app.clients) == 2)
+        content = json.dumps({"kind": "cloud", "id": 1, "count": 3_000_000}).encode()
+        frame = bytes([0x81, 0x80 | len(content), 0, 0, 0, 0]) + content  # masked by zeros
+        for _ in range(20):  # each answer has 36 MB
+            stuck.sendall(frame)
+        until(lambda: len(page.app.clients) == 1)
+        assert ask(other, "add", a=1, b=2)["result"] == {"value": 3}
+
+
+def test_empty_parts_of_a_file_take_no_memory(page):
+    with browser(page) as client:
+        announce(client, 4, 3)
+        for _ in range(1000):
+            client.send(part(4, b""))
+        assert ask(client, "add", 5, a=1, b=2)["result"] == {"value": 3}
+        (served,) = (c for c in page.clients if c.upload is not None)
+        assert not served.upload[1].content
+        client.send(part(4, b"abc"))
+        assert reply(client, 4)["problem"] is None
+
+
+def test_invalid_address_is_refused(page):
+    with socket.create_connection(("127.0.0.1", page.port)) as connection:
+        connection.sendall(b"GET //[ HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert b" 400 " in connection.recv(1000).split(b"\r\n")[0]
+    assert get(page, Host="elsewhere.example@127.0.0.1")[0] == 403

@@ -267,6 +267,14 @@ def test_an_uploaded_body_belongs_to_its_browser(upload, tmp_path):
         app.browser.ask("describe-upload", unit=None, size=None)
 
 
+def test_an_upload_of_a_closed_page_is_forgotten(upload):
+    app = upload()
+    app.browser.is_open = False  # it is closed while the next file is read
+    app.receive(app.browser, "grip.stl", b"content")
+    with raises(BodyError, "no-upload"):
+        app.browser.ask("describe-upload")
+
+
 def test_a_file_that_is_no_body_is_refused(open_studio, tmp_path):
     app = open_studio(tmp_path)
     with raises(BodyError, "unknown-format"):

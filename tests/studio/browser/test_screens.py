@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.studio.browser.conftest import PHONE
+from tests.studio.browser.conftest import PHONE, until
 from tests.studio.browser.screens import (
     STEPS,
     dismiss_introduction,
@@ -25,7 +25,8 @@ DESKTOP = {"width": 1280, "height": 800}
 SIZES = (PHONE, DESKTOP, {"width": 1920, "height": 1080})
 SEVERE = ("serious", "critical")
 FONTS_ARE_LOADED = "document.fonts.ready.then(() => undefined)"
-WIDTH = "[document.documentElement.scrollWidth, window.innerWidth]"
+FITS = "document.documentElement.scrollWidth <= window.innerWidth"
+FIT_TIMEOUT_S = 10.0  # in which the page follows a new size of the window
 
 
 class Screens:
@@ -46,9 +47,8 @@ class Screens:
         for size in SIZES:
             page.set_viewport_size(size)
             page.evaluate(FONTS_ARE_LOADED)
-            width, window_width = page.evaluate(WIDTH)
-            if width > window_width:
-                self.faults.append(f"{name}: {width} px in a window of {window_width} px")
+            if not until(lambda: page.evaluate(FITS), FIT_TIMEOUT_S):
+                self.faults.append(f"{name}: wider than a window of {size['width']} px")
             for scheme in ("light", "dark") if size == DESKTOP else ("light",):
                 page.emulate_media(color_scheme=scheme)
                 if size != SIZES[-1]:

@@ -9,6 +9,7 @@ from defsense_fab.core.errors import DeviceError, StorageError
 from defsense_fab.studio.edits import body, cords, poses
 from defsense_fab.studio.edits.edit import Edit, free_name
 from defsense_fab.studio.project import history
+from defsense_fab.studio.project import project as project_module
 from defsense_fab.studio.project.project import Project
 from tests.studio.devices import TEXT, write_device
 from tests.support.errors import raises
@@ -206,6 +207,27 @@ def test_long_histories_are_trimmed(folder, monkeypatch):
         project.apply(body.set_parameter("length", 160 + k))
     assert sum(project.undo() is not None for _ in range(30)) == 9
     assert Project(folder).step_count == 10
+
+
+def test_histories_of_large_files_are_trimmed(folder, monkeypatch):
+    monkeypatch.setattr(history, "MAX_CHARACTERS", 10 * len(TEXT))
+    project = Project(folder)
+    for k in range(25):
+        project.apply(body.set_parameter("length", 160 + k))
+    assert 5 < project.step_count < 11
+    assert (folder / history.FOLDER / history.FILE).stat().st_size < 15 * len(TEXT)
+    monkeypatch.setattr(history, "MAX_CHARACTERS", 1)
+    project.apply(body.set_parameter("length", 200))
+    assert project.undo() is not None  # one step can always be undone
+
+
+def test_an_edit_that_makes_the_file_too_large_is_refused(folder, monkeypatch):
+    monkeypatch.setattr(project_module, "MAX_CHARACTERS", len(TEXT) + 20)
+    project = Project(folder)
+    with raises(DeviceError, "device-too-large"):
+        project.apply(body.rename_device("x" * 100))
+    assert file_text(folder) == TEXT
+    project.apply(body.rename_device("y"))
 
 
 def test_a_truncated_row_loses_no_other_row(folder):

@@ -14,6 +14,7 @@ from defsense_fab.studio.messages import pose_edits, poses
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.project.project import Project
 from defsense_fab.studio.session.device_session import DeviceSession
+from defsense_fab.studio.steps.poses.pictures import drop_oldest
 from defsense_fab.studio.steps.poses.poses_step import PosesStep
 from tests.support.errors import raises
 
@@ -376,6 +377,13 @@ def test_pictures_of_all_poses_are_solved_while_nothing_else_is(bench):
     assert pictures.facts["digests"] == [pose.picture for pose in bench.state.poses]
     assert all(np.abs(moved).max() > 5 for moved in pictures.arrays.values())
     assert not bench.server.events[poses.PosePictures].is_computing
+
+
+def test_shapes_of_earlier_poses_are_dropped():
+    shapes = {str(k): np.zeros((2, 3)) for k in range(100)}
+    drop_oldest(shapes, {"0", "99"})
+    assert {"0", "98", "99"} <= set(shapes)
+    assert len(shapes) < 40
 
 
 def test_simulated_states_are_listed_and_shown(bench):

@@ -87,6 +87,18 @@ def test_tangent_and_plane_are_dragged(app):
             app.browser.ask("drag-plane", cord=name, origin=origin, axes=axes)
 
 
+def test_values_of_the_wrong_shape_are_refused(app):
+    plane = {"origin": [0.0] * 3, "axes": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}
+    for axes in ([], [[1, 0], [0, 1, 0], [0, 0, 1]], [[1, 0, 0]] * 2, [[]] * 3):
+        with raises(LayoutError, "invalid-plane"):
+            app.browser.ask("outline-of", origin=[0.0] * 3, axes=axes)
+    for stroke in ([[1], [2, 3]], [[1, 2, 3]]):
+        with raises(LayoutError, "invalid-point"):
+            app.browser.ask("add-stroke", **plane, stroke=stroke)
+    with raises(LayoutError, "stroke-too-long"):
+        app.browser.ask("add-stroke", **plane, stroke=[[0, 0], [1e8, 0]])
+
+
 def test_cords_are_added_copied_mirrored_renamed_and_deleted(app):
     ask, before = app.browser.ask, set(cords(app))
     straight = ask("add-straight").name

@@ -18,8 +18,8 @@ from ....workflow.view import Arrays, Client, Problem
 from ...messages.poses import PoseShape, PoseWarning, ShapePhase
 from ...session.cord_states import rounded
 from ...session.device_session import DeviceSession
-from .pose_queue import PoseQueue, SolverTask
 from .pictures import drop_oldest
+from .pose_queue import PoseQueue, SolverTask
 from .pose_records import pose_digest
 from .preview_work import PreviewAnswer, PreviewRequest
 

@@ -15,6 +15,8 @@ export interface Command {
   otherShortcut?: string;
   /** Whether its key works while somebody types. */
   worksInFields?: boolean;
+  /** Whether its key removes something, and works in lists and in the scene alone. */
+  isRemoving?: boolean;
   /** Whether its key runs it before other commands, as those of the entered step. */
   isLocal?: boolean;
   /** Whether it can run now. */
@@ -91,6 +93,11 @@ function matches(event: KeyboardEvent, shortcut: string): boolean {
   return event.key.toLowerCase() === key.toLowerCase();
 }
 
+/** Whether the focus is where selected items are, and not on a control of something else. */
+function canRemove(target: Element): boolean {
+  return !target.matches("button, input, a[href], summary") || Boolean(target.closest(".stage, [role=tree]"));
+}
+
 function onKeyDown(event: KeyboardEvent): void {
   if (event.defaultPrevented || event.isComposing) return;
   const target = event.target instanceof Element ? event.target : document.body;
@@ -99,6 +106,7 @@ function onKeyDown(event: KeyboardEvent): void {
   const matching = commands.value.filter(
     (command) =>
       (!isTaken || command.worksInFields) &&
+      (!command.isRemoving || canRemove(target)) &&
       [command.shortcut, command.otherShortcut].some((key) => key && matches(event, key)) &&
       isAvailable(command),
   );

@@ -16,21 +16,25 @@ const TRACK_COLOR_DARK = [240, 240, 240] as const;
 
 export class LiveScene {
   private readonly viewer: Viewer;
-  private readonly markers = new MarkerLayer("ball");
+  private readonly markers = new MarkerLayer("disc");
   private readonly tracks = new MarkerLayer("diamond");
   private readonly stopTheme: () => void;
   private device: LiveDevice | null = null;
   private counts: NumberArray = new Uint32Array();
   private rest: NumberArray = new Float32Array();
+  /** Points (p, 3) of each cord, mm, as they are shown; overwritten by each frame. */
+  private paths: number[][][] = [];
   private isDark = isDark();
   private hasBounds = false;
   private frame: Frame | null = null;
+  private isFrameNew = false;
 
   constructor(host: HTMLElement) {
     this.viewer = new Viewer(host);
     this.viewer.canvas.setAttribute("aria-label", "Live device");
     this.viewer.scene.add(this.markers.object, this.tracks.object);
     this.viewer.body.setOpacity(BODY_OPACITY);
+    this.viewer.onNextFrame(() => this.showFrame());
     this.stopTheme = onThemeChange(() => {
       this.isDark = isDark();
       if (this.frame) this.show(this.frame);
@@ -39,6 +43,7 @@ export class LiveScene {
 
   setDevice(device: LiveDevice): void {
     this.device = device;
+    this.createCords(); // its arrays may have come first
   }
 
   /** Show the device at rest. */
@@ -53,19 +58,13 @@ export class LiveScene {
     this.rest = arrays.cords!;
     this.markers.setSize(MARKER_SIZE * size);
     this.tracks.setSize(1.2 * MARKER_SIZE * size);
-    this.showCords(this.rest, null);
+    this.createCords();
   }
 
+  /** Show a frame in the next picture; of frames that arrive in between, the last one. */
   show(frame: Frame): void {
     this.frame = frame;
-    const device = this.device;
-    if (!device) return;
-    if (frame.vertices && !this.viewer.body.isEmpty) this.viewer.body.deform(frame.vertices);
-    this.showCords(frame.cords ?? this.rest, frame.signals);
-    this.markers.set(frame.markers, (k) => markerColor(frame.radius[k]!, device.markerRadius));
-    const trackColor = this.isDark ? TRACK_COLOR_DARK : TRACK_COLOR_LIGHT;
-    this.tracks.set(frame.tracks ?? new Float32Array(), () => trackColor);
-    if (!this.hasBounds && frame.markers.length > 0) this.lookAt(frame.markers);
+    this.isFrameNew = true;
     this.viewer.invalidate();
   }
 
@@ -80,20 +79,59 @@ export class LiveScene {
     this.viewer.dispose();
   }
 
-  private showCords(points: NumberArray, signals: NumberArray | null): void {
+  private showFrame(): void {
+    const { device, frame } = this;
+    if (!device || !frame || !this.isFrameNew) return;
+    this.isFrameNew = false;
+    if (frame.vertices && !this.viewer.body.isEmpty) this.viewer.body.deform(frame.vertices);
+    this.moveCords(frame.cords ?? this.rest, frame.signals);
+    this.markers.set(frame.markers, (k) => markerColor(frame.radius[k]!, device.markerRadius));
+    const trackColor = this.isDark ? TRACK_COLOR_DARK : TRACK_COLOR_LIGHT;
+    this.tracks.set(frame.tracks ?? new Float32Array(), () => trackColor);
+    if (!this.hasBounds && frame.markers.length > 0) this.lookAt(frame.markers);
+  }
+
+  /** Create the cords, at rest. */
+  private createCords(): void {
     const device = this.device;
     if (!device) return;
-    let at = 0;
-    const cords = Array.from(this.counts, (count, k) => {
-      const path: number[][] = [];
-      for (const end = at + count; at < end; at++) {
-        path.push([points[3 * at]!, points[3 * at + 1]!, points[3 * at + 2]!]);
-      }
-      const signal = signals ? signals[k]! : 0;
-      const color = cordColor(signal, device.low[k] ?? 0, device.high[k] ?? 0, this.isDark);
-      return { name: device.channels[k] ?? `cord ${k + 1}`, color, path, isVisible: true };
-    });
+    this.paths = Array.from(this.counts, (count) => Array.from({ length: count }, () => [0, 0, 0]));
+    const cords = this.paths.map((path, k) => ({
+      name: this.cordName(k),
+      color: this.cordColor(k, 0),
+      path,
+      isVisible: true,
+    }));
+    this.movePaths(this.rest);
     this.viewer.cords.set(cords, device.cordRadius);
+  }
+
+  /** Move the cords to points (p, 3) and color them by the signals of their channels. */
+  private moveCords(points: NumberArray, signals: NumberArray): void {
+    this.movePaths(points);
+    for (const [k, path] of this.paths.entries()) {
+      this.viewer.cords.setPath(this.cordName(k), path);
+      this.viewer.cords.setColor(this.cordName(k), this.cordColor(k, signals[k]!));
+    }
+  }
+
+  /** Write points (p, 3) of all cords to the paths. */
+  private movePaths(points: NumberArray): void {
+    let at = 0;
+    for (const path of this.paths) {
+      for (const point of path) {
+        for (let axis = 0; axis < 3; axis++) point[axis] = points[at++]!;
+      }
+    }
+  }
+
+  private cordName(index: number): string {
+    return this.device!.channels[index] ?? `cord ${index + 1}`;
+  }
+
+  private cordColor(index: number, signal: number): string {
+    const { low, high } = this.device!;
+    return cordColor(signal, low[index] ?? 0, high[index] ?? 0, this.isDark);
   }
 
   /** Point the camera at markers, which are all that is known of the device. */

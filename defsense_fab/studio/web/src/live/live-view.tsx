@@ -43,9 +43,9 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
       scene.current = null;
     };
   }, []);
-  useFrames({
-    onReceive: (frame) => current.current.add(frame),
-    onShow: (frame) => scene.current?.show(frame),
+  useFrames((frame) => {
+    current.current.add(frame);
+    scene.current?.show(frame);
   });
   useLiveKeys(() => scene.current?.fit());
 

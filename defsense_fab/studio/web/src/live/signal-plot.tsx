@@ -2,6 +2,7 @@
 import { useEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
+import { isSoftwareRendered } from "../scene/resolution";
 import { onThemeChange } from "../scene/theme";
 import { lineColor } from "./colors";
 import type { Frame } from "./frame";
@@ -9,6 +10,7 @@ import type { Frame } from "./frame";
 const DURATION_S = 15;
 const MAX_POINTS = 400;
 const DRAW_INTERVAL_MS = 100;
+const SLOW_DRAW_INTERVAL_MS = 250; // where the processor draws, which the scene needs
 const PERCENT = 100;
 
 /** Keeps the signals of the last seconds. */
@@ -52,7 +54,7 @@ export function SignalPlot({ history, channels }: SignalPlotProps) {
       plot = createPlot(element, channels);
       draw();
     };
-    const timer = setInterval(draw, DRAW_INTERVAL_MS);
+    const timer = setInterval(draw, isSoftwareRendered() ? SLOW_DRAW_INTERVAL_MS : DRAW_INTERVAL_MS);
     const observer = new ResizeObserver(() => plot.setSize(sizeOf(element)));
     observer.observe(element);
     const stopTheme = onThemeChange(rebuild);

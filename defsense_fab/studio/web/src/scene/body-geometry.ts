@@ -127,10 +127,13 @@ export function computeNormals(
     addTo(normals, c, nx, ny, nz);
   }
   for (let v = 0; v < normals.length; v += 3) {
-    const length = Math.hypot(normals[v]!, normals[v + 1]!, normals[v + 2]!) || 1;
-    normals[v]! /= length;
-    normals[v + 1]! /= length;
-    normals[v + 2]! /= length;
+    const x = normals[v]!;
+    const y = normals[v + 1]!;
+    const z = normals[v + 2]!;
+    const scale = 1 / (Math.sqrt(x * x + y * y + z * z) || 1);
+    normals[v] = x * scale;
+    normals[v + 1] = y * scale;
+    normals[v + 2] = z * scale;
   }
 }
 

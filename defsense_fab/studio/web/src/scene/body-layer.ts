@@ -4,6 +4,7 @@ import {
   BufferAttribute,
   BufferGeometry,
   Color,
+  DynamicDrawUsage,
   Group,
   LineBasicMaterial,
   LineSegments,
@@ -72,8 +73,10 @@ export class BodyLayer {
     this.lines.geometry.dispose();
     const geometry = new BufferGeometry();
     const count = 3 * creased.source.length;
-    geometry.setAttribute("position", new BufferAttribute(new Float32Array(count), 3));
-    geometry.setAttribute("normal", new BufferAttribute(new Float32Array(count), 3));
+    for (const name of ["position", "normal"]) {
+      const attribute = new BufferAttribute(new Float32Array(count), 3);
+      geometry.setAttribute(name, attribute.setUsage(DynamicDrawUsage));
+    }
     this.fine = new BufferAttribute(creased.faces, 1);
     this.coarse = null;
     geometry.setIndex(this.fine);

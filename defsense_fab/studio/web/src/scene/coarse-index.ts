@@ -1,6 +1,8 @@
 // Fewer triangles on the same vertices, for slow machines while the picture moves.
 
 const EDGE_FACTOR = 2.2;
+/** Cells along an axis of the largest body; keys of cells are exact up to this number. */
+const MAX_CELLS = 2 ** 16;
 
 /**
  * Return triangles that join vertices in the same cell of a grid and with the same direction.
@@ -13,11 +15,15 @@ export function coarseIndex(
   faces: Uint32Array,
 ): Uint32Array {
   const cell = EDGE_FACTOR * meanEdge(positions, faces);
-  const representative = new Map<string, number>();
+  const corner = [Infinity, Infinity, Infinity];
+  for (let i = 0; i < positions.length; i++) corner[i % 3] = Math.min(corner[i % 3]!, positions[i]!);
+  const representative = new Map<number, number>();
   const joined = new Uint32Array(positions.length / 3);
   for (let v = 0; v < joined.length; v++) {
-    let key = `${side(normals, 3 * v)}`;
-    for (let k = 0; k < 3; k++) key += `,${Math.floor(positions[3 * v + k]! / cell)}`;
+    let key = side(normals, 3 * v);
+    for (let k = 0; k < 3; k++) {
+      key = key * MAX_CELLS + Math.floor((positions[3 * v + k]! - corner[k]!) / cell);
+    }
     const known = representative.get(key);
     if (known === undefined) representative.set(key, v);
     joined[v] = known ?? v;

@@ -1,4 +1,4 @@
-// The soft shadow of the body on the floor below it, rendered once for each shape.
+// The soft shadow of the body on the floor below it, rendered when its shape has changed.
 import {
   Group,
   Mesh,
@@ -16,8 +16,8 @@ import {
 } from "three";
 import { ORDER } from "./order";
 
-const TEXTURE_PX = 256;
-const BLUR_PX = 7;
+const TEXTURE_PX = 128; // enough for a blurred picture
+const BLUR_PX = 3.5;
 /** Margin around the body, as a share of its size, for the blur. */
 const MARGIN = 0.25;
 
@@ -31,9 +31,9 @@ const BLUR_FRAGMENT = /* glsl */ `
   varying vec2 vUv;
   void main() {
     float sum = 0.0, total = 0.0;
-    for (int i = -8; i <= 8; i++) {
-      float weight = exp(-float(i * i) / 24.0);
-      sum += weight * texture2D(image, vUv + step * float(i) / 8.0).a;
+    for (int i = -4; i <= 4; i++) {
+      float weight = exp(-float(i * i) / 6.0);
+      sum += weight * texture2D(image, vUv + step * float(i) / 4.0).a;
       total += weight;
     }
     gl_FragColor = vec4(0.0, 0.0, 0.0, sum / total);
@@ -70,6 +70,8 @@ export class ContactShadow {
     depthWrite: false,
   });
   private readonly floor = new Mesh(new PlaneGeometry(1, 1), this.material);
+  private readonly quad = new Mesh(this.floor.geometry, this.blur);
+  private readonly quadCamera = new OrthographicCamera(-0.5, 0.5, 0.5, -0.5, -1, 1);
 
   constructor() {
     this.floor.renderOrder = ORDER.shadow;
@@ -137,10 +139,8 @@ export class ContactShadow {
   ): void {
     this.blur.uniforms.image!.value = from.texture;
     (this.blur.uniforms.step!.value as Vector2).set(x, y);
-    const quad = new Mesh(this.floor.geometry, this.blur);
-    const camera = new OrthographicCamera(-0.5, 0.5, 0.5, -0.5, -1, 1);
     renderer.setRenderTarget(to);
     renderer.clear();
-    renderer.render(quad, camera);
+    renderer.render(this.quad, this.quadCamera);
   }
 }

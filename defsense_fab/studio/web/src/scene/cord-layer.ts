@@ -72,8 +72,17 @@ export class CordLayer {
   setPath(name: string, path: number[][]): void {
     const entry = this.entries.get(name);
     if (!entry) return;
-    entry.cord = { ...entry.cord, path };
+    entry.cord.path = path;
     this.shape(entry);
+    this.onMove();
+  }
+
+  /** Change the color of a cord, as of one that is live. */
+  setColor(name: string, shown: string): void {
+    const entry = this.entries.get(name);
+    if (!entry || entry.cord.color === shown) return;
+    entry.cord.color = shown;
+    for (const mesh of [entry.visible, entry.hidden]) color(mesh, "base").set(shown);
     this.onMove();
   }
 

@@ -22,6 +22,8 @@ interface Entry {
   stem: SVGLineElement;
   width: number;
   height: number;
+  /** Where the element and its stem are shown; elements are written only when it changes. */
+  shown: string;
 }
 
 interface Box {
@@ -85,6 +87,7 @@ export class LabelLayer {
       if (known.element.textContent !== label.text) {
         known.element.textContent = label.text;
         known.width = 0;
+        known.shown = "";
       }
       known.element.dataset.tone = label.tone;
       return;
@@ -97,7 +100,7 @@ export class LabelLayer {
     element.textContent = label.text;
     const stem = document.createElementNS(SVG, "line");
     stem.dataset.tone = label.tone;
-    const entry: Entry = { label, element, stem, width: 0, height: 0 };
+    const entry: Entry = { label, element, stem, width: 0, height: 0, shown: "" };
     element.addEventListener("click", () => entry.label.onClick?.());
     this.element.append(element);
     this.stems.append(stem);
@@ -123,14 +126,11 @@ export class LabelLayer {
       const [x, y] = this.viewer.project(this.place.fromArray(entry.label.at));
       const isShown = x > 0 && y > 0 && x < width && y < height;
       const box = isShown ? this.freeBox(entry, x, y, used) : null;
-      entry.element.style.visibility = entry.stem.style.visibility = box ? "visible" : "hidden";
-      if (!box) continue;
-      used.push(box);
-      entry.element.style.transform = `translate(${box.left}px, ${box.top}px)`;
-      entry.stem.setAttribute("x1", `${x}`);
-      entry.stem.setAttribute("y1", `${y}`);
-      entry.stem.setAttribute("x2", `${Math.min(Math.max(x, box.left), box.right)}`);
-      entry.stem.setAttribute("y2", `${Math.min(Math.max(y, box.top), box.bottom)}`);
+      if (box) used.push(box);
+      const shown = box ? `${x} ${y} ${box.left} ${box.top}` : "hidden";
+      if (shown === entry.shown) continue;
+      entry.shown = shown;
+      moveElements(entry, x, y, box);
     }
   }
 
@@ -148,6 +148,16 @@ export class LabelLayer {
     }
     return null;
   }
+}
+
+function moveElements({ element, stem }: Entry, x: number, y: number, box: Box | null): void {
+  element.style.visibility = stem.style.visibility = box ? "visible" : "hidden";
+  if (!box) return;
+  element.style.transform = `translate(${box.left}px, ${box.top}px)`;
+  stem.setAttribute("x1", `${x}`);
+  stem.setAttribute("y1", `${y}`);
+  stem.setAttribute("x2", `${Math.min(Math.max(x, box.left), box.right)}`);
+  stem.setAttribute("y2", `${Math.min(Math.max(y, box.top), box.bottom)}`);
 }
 
 function overlaps(a: Box, b: Box): boolean {

@@ -1,9 +1,12 @@
 // The resolution of the picture: lowered while frames are slow, full again when nothing moves.
 
 const SLOW_MS = 40;
-const FAST_MS = 18;
+const FAST_MS = 24; // live devices send a new shape every 21 ms
 const LARGEST_RATIO = 2;
 const LOWEST_SHARE = 0.66;
+/** Smallest time without a change after which the picture is still, ms, and as a number of frames. */
+const STILL_MS = 140;
+const STILL_FRAMES = 5;
 /** Frames that are farther apart do not follow each other. */
 const LARGEST_GAP_MS = 400;
 
@@ -29,6 +32,16 @@ export class Resolution {
     return this.isMoving && this.isHeavy;
   }
 
+  /** Whether moving pictures are rendered slowly, at a low resolution. */
+  get isSlow(): boolean {
+    return this.share < 1;
+  }
+
+  /** Time without a change after which the picture is rendered at full resolution, ms. */
+  get stillDelay(): number {
+    return Math.max(STILL_MS, STILL_FRAMES * this.average);
+  }
+
   /** Record a frame; adapt the resolution of moving pictures. */
   record(now: number): void {
     const gap = now - this.last;
@@ -52,11 +65,18 @@ export class Resolution {
   }
 }
 
+let isSoftware: boolean | null = null;
+
 /** Return whether pictures are rendered by the processor. */
 export function isSoftwareRendered(): boolean {
+  isSoftware ??= /swiftshader|llvmpipe|software/i.test(rendererName());
+  return isSoftware;
+}
+
+function rendererName(): string {
   const context = document.createElement("canvas").getContext("webgl2");
   const info = context?.getExtension("WEBGL_debug_renderer_info");
   const name = info ? String(context!.getParameter(info.UNMASKED_RENDERER_WEBGL)) : "";
   context?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software/i.test(name);
+  return name;
 }

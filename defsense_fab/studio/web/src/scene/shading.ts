@@ -7,6 +7,7 @@ import {
   FrontSide,
   ReplaceStencilOp,
   ShaderMaterial,
+  type Texture,
   Vector2,
 } from "three";
 
@@ -133,6 +134,30 @@ export function tubeMaterial(pass: TubePass): ShaderMaterial {
     stencilWrite: pass === "hidden",
     stencilRef: BODY_STENCIL,
     stencilFunc: pass === "hidden" ? EqualStencilFunc : AlwaysStencilFunc,
+  });
+}
+
+/** Return the material of a rectangle over the whole view that shows a rendered picture. */
+export function pictureMaterial(picture: Texture): ShaderMaterial {
+  return new ShaderMaterial({
+    vertexShader: /* glsl */ `
+      varying vec2 vUv;
+      void main() { vUv = uv; gl_Position = vec4(position.xy, 0.0, 1.0); }
+    `,
+    fragmentShader: /* glsl */ `
+      uniform sampler2D picture;
+      varying vec2 vUv;
+      void main() {
+        vec4 color = texture2D(picture, vUv);
+        // The colors are multiplied by their opacity.
+        gl_FragColor = vec4(color.rgb / max(color.a, 1e-3), color.a);
+        #include <colorspace_fragment>
+      }
+    `,
+    uniforms: { picture: { value: picture } },
+    transparent: true,
+    depthTest: false,
+    depthWrite: false,
   });
 }
 

@@ -1,23 +1,57 @@
 // The cube in the upper right corner that shows and sets the direction of view.
-import { Object3D, Vector3 } from "three";
+//
+// It has many small parts, so that its picture is kept while the direction is the same.
+import {
+  Camera,
+  Color,
+  HalfFloatType,
+  Mesh,
+  Object3D,
+  PlaneGeometry,
+  Quaternion,
+  Vector3,
+  Vector4,
+  type WebGLRenderer,
+  WebGLRenderTarget,
+} from "three";
 import { ViewportGizmo } from "three-viewport-gizmo";
+import { pictureMaterial } from "./shading";
 import { isDark } from "./theme";
 import type { Viewer } from "./viewer";
 
 const SIZE_PX = 92;
 /** Narrower scenes leave the room of the cube to tools. */
 const MIN_SCENE_PX = 420;
+const OFFSET_PX = 8;
+/** Pixels of the kept picture per pixel of the page; twice as many smooth its edges. */
+const PICTURE_RATIO = 2;
+/** Largest difference between the components of equal directions. */
+const SAME_DIRECTION = 1e-6;
 
 Object3D.DEFAULT_UP.set(0, 0, 1);
 
 export class ViewCube {
   private readonly gizmo: ViewportGizmo;
+  private readonly target = new WebGLRenderTarget(PICTURE_RATIO * SIZE_PX, PICTURE_RATIO * SIZE_PX, {
+    type: HalfFloatType,
+  });
+  private readonly picture = new Mesh(new PlaneGeometry(2, 2), pictureMaterial(this.target.texture));
+  private readonly camera = new Camera();
+  private readonly direction = new Quaternion(0, 0, 0, 0);
+  private readonly viewport = new Vector4();
+  private readonly clearColor = new Color();
+  private isStale = true;
   private isHidden = false;
   private isClicked = false;
   private before: ReturnType<Viewer["rig"]["view"]> | null = null;
 
   constructor(private readonly viewer: Viewer) {
-    this.gizmo = new ViewportGizmo(viewer.rig.camera, viewer.renderer, this.options());
+    this.gizmo = new ViewportGizmo(
+      viewer.rig.camera,
+      pictureRenderer(viewer.renderer),
+      this.options(),
+    );
+    this.picture.frustumCulled = false;
     // The rig changes views itself; the cube only names the direction.
     this.gizmo.animated = false;
     this.gizmo.addEventListener("start", () => (this.before = viewer.rig.view()));
@@ -29,7 +63,7 @@ export class ViewCube {
     // The side under the pointer is highlighted.
     for (const kind of ["pointermove", "pointerout"] as const) {
       viewer.overlay.addEventListener(kind, ({ target }) => {
-        if ((target as Element).closest(".viewer-cube")) viewer.refresh();
+        if ((target as Element).closest(".viewer-cube")) this.refresh();
       });
     }
   }
@@ -40,12 +74,21 @@ export class ViewCube {
 
   /** Draw the cube over the present frame. */
   render(): void {
-    const { rig } = this.viewer;
+    const { rig, renderer, width, height } = this.viewer;
     if (!this.gizmo.enabled) return;
-    this.gizmo.camera = rig.camera;
-    this.gizmo.target = rig.controls.target;
-    if (!this.gizmo.animating) this.gizmo.cameraUpdate();
-    this.gizmo.render();
+    const { quaternion } = rig.camera;
+    if (this.isStale || this.gizmo.animating || !isSame(quaternion, this.direction)) {
+      this.direction.copy(quaternion);
+      this.isStale = false;
+      this.draw();
+    }
+    renderer.getViewport(this.viewport);
+    renderer.autoClear = false;
+    const at = SIZE_PX + OFFSET_PX;
+    renderer.setViewport(width - at, height - at, SIZE_PX, SIZE_PX);
+    renderer.render(this.picture, this.camera);
+    renderer.setViewport(this.viewport);
+    renderer.autoClear = true;
   }
 
   setHidden(isHidden: boolean): void {
@@ -62,11 +105,34 @@ export class ViewCube {
   setTheme(): void {
     this.gizmo.set(this.options());
     this.gizmo.animated = false;
-    this.viewer.invalidate();
+    this.refresh();
   }
 
   dispose(): void {
     this.gizmo.dispose();
+    this.target.dispose();
+    this.picture.geometry.dispose();
+    this.picture.material.dispose();
+  }
+
+  private refresh(): void {
+    this.isStale = true;
+    this.viewer.refresh();
+  }
+
+  private draw(): void {
+    const { rig, renderer } = this.viewer;
+    this.gizmo.camera = rig.camera;
+    this.gizmo.target = rig.controls.target;
+    if (!this.gizmo.animating) this.gizmo.cameraUpdate();
+    renderer.getClearColor(this.clearColor);
+    const alpha = renderer.getClearAlpha();
+    renderer.setClearColor(0x000000, 0);
+    renderer.setRenderTarget(this.target);
+    renderer.clear();
+    this.gizmo.render();
+    renderer.setRenderTarget(null);
+    renderer.setClearColor(this.clearColor, alpha);
   }
 
   private enable(): void {
@@ -99,7 +165,7 @@ export class ViewCube {
       type: "cube",
       size: SIZE_PX,
       placement: "top-right",
-      offset: { top: 8, right: 8 },
+      offset: { top: OFFSET_PX, right: OFFSET_PX },
       font: { family: "system-ui, sans-serif", weight: 600 },
       background: { color: edge!, hover: { color: edge!, opacity: 1 } },
       corners: { color: edge!, hover: { color: hover! } },
@@ -112,4 +178,16 @@ export class ViewCube {
       nz: side("Bottom"),
     };
   }
+}
+
+/** Return a renderer that draws into the whole picture, wherever the cube is on the page. */
+function pictureRenderer(renderer: WebGLRenderer): WebGLRenderer {
+  const drawing = Object.create(renderer) as WebGLRenderer;
+  drawing.setViewport = () => undefined;
+  return drawing;
+}
+
+function isSame(a: Quaternion, b: Quaternion): boolean {
+  const [dx, dy, dz, dw] = [a.x - b.x, a.y - b.y, a.z - b.z, a.w - b.w];
+  return Math.max(Math.abs(dx), Math.abs(dy), Math.abs(dz), Math.abs(dw)) < SAME_DIRECTION;
 }

@@ -26,8 +26,9 @@ import { backgroundMaterial } from "./shading";
 import { onThemeChange, type SceneColors, sceneColors } from "./theme";
 import { ViewCube } from "./view-cube";
 
-/** Time without a change after which the picture is rendered at full resolution, ms. */
-const STILL_MS = 140;
+/** Smallest time between two shadows of a body that moves, ms; longer on slow machines. */
+const SHADOW_INTERVAL_MS = 200;
+const SLOW_SHADOW_INTERVAL_MS = 1000;
 
 export class Viewer {
   readonly scene = new Scene();
@@ -49,12 +50,14 @@ export class Viewer {
   private readonly shadow = new ContactShadow();
   private readonly scale: ScaleBar;
   private readonly frameListeners = new Set<() => void>();
+  private readonly nextFrameListeners = new Set<() => void>();
   private readonly themeListeners = new Set<(colors: SceneColors) => void>();
   private readonly observer: ResizeObserver;
   private readonly stopTheme: () => void;
   private readonly projected = new Vector3();
   private frame = 0;
   private stillTimer = 0;
+  private shadowAt = -Infinity;
   /** What the camera was fitted to. */
   private shown: "nothing" | "cords" | "body" = "nothing";
   private isMoving = false;
@@ -111,6 +114,12 @@ export class Viewer {
   /** Render a frame after a single change. */
   refresh(): void {
     this.frame ||= requestAnimationFrame((now) => this.render(now));
+  }
+
+  /** Call a function before each frame, in which it may still move things. */
+  onNextFrame(action: () => void): () => void {
+    this.nextFrameListeners.add(action);
+    return () => this.nextFrameListeners.delete(action);
   }
 
   /** Call a function after each frame; return a function to stop. */
@@ -171,6 +180,13 @@ export class Viewer {
     this.refresh();
   }
 
+  /** Render the scene without the cube, for a function that copies the picture at once. */
+  copyPicture(copy: (canvas: HTMLCanvasElement) => void): void {
+    this.renderer.render(this.scene, this.rig.camera);
+    copy(this.canvas);
+    this.cube.render();
+  }
+
   dispose(): void {
     cancelAnimationFrame(this.frame);
     clearTimeout(this.stillTimer);
@@ -186,6 +202,7 @@ export class Viewer {
   }
 
   private render(now: number): void {
+    for (const action of this.nextFrameListeners) action();
     this.frame = 0;
     if (this.width < 2 || this.height < 2) return;
     this.resolution.record(now);
@@ -193,12 +210,13 @@ export class Viewer {
     this.draw(now);
     if (this.rig.isChanging || this.cube.isBusy) this.invalidate();
     clearTimeout(this.stillTimer);
-    this.stillTimer = window.setTimeout(() => this.onStill(), STILL_MS);
+    this.stillTimer = window.setTimeout(() => this.onStill(), this.resolution.stillDelay);
   }
 
   private draw(now: number): void {
     this.rig.update(now);
-    if (this.shadow.isStale && !this.body.isEmpty) {
+    if (this.isShadowDue(now)) {
+      this.shadowAt = now;
       this.shadow.render(this.renderer, this.scene, this.body.object, this.body.box);
     }
     this.renderer.render(this.scene, this.rig.camera);
@@ -206,9 +224,18 @@ export class Viewer {
     for (const action of this.frameListeners) action();
   }
 
+  private isShadowDue(now: number): boolean {
+    const { shadow, body, resolution } = this;
+    if (!shadow.isStale || body.isEmpty || !shadow.object.visible) return false;
+    const interval = resolution.isSlow ? SLOW_SHADOW_INTERVAL_MS : SHADOW_INTERVAL_MS;
+    return !this.isMoving || now - this.shadowAt > interval;
+  }
+
   private onStill(): void {
+    // The browser has not drawn the next frame yet: the picture moves, slowly.
+    if (this.frame !== 0) return;
     this.isMoving = false;
-    if (this.setMoving(false)) this.draw(performance.now());
+    if (this.setMoving(false) || this.shadow.isStale) this.draw(performance.now());
   }
 
   private setMoving(isMoving: boolean): boolean {

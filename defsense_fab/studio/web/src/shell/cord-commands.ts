@@ -98,6 +98,7 @@ export const cordCommands = (): readonly Command[] => [
     label: "Delete",
     group: "Cords",
     shortcut: "Delete",
+    isRemoving: true,
     otherShortcut: "Backspace",
     when: hasSome,
     run: () => void deleteCords(selectedCords()),

@@ -13,6 +13,28 @@ import { doNext } from "./next-button";
 /** Selected items that the scene shows, and that can be hidden there. */
 const visibleItems = () => selection.value.filter(({ kind }) => kind !== "pose");
 
+const STAGES = [
+  { stage: "simulate", label: "Simulate the poses" },
+  { stage: "optimize", label: "Optimize the sensors" },
+  { stage: "report", label: "Build the parts" },
+] as const;
+
+/** The panels that F6 goes through: bar, tree, scene or stage, inspector, and the panel below. */
+const PANELS = [".top-bar", ".left-panel", ".stage", ".inspector", ".bottom-panel"];
+const FOCUSABLE = "button, [href], input, select, textarea, canvas, [tabindex]:not([tabindex='-1'])";
+
+function enterNextPanel(): void {
+  const panels = PANELS.map((name) => document.querySelector<HTMLElement>(name)).filter(
+    (panel) => panel !== null,
+  );
+  const at = panels.findIndex((panel) => panel.contains(document.activeElement));
+  for (let k = 1; k <= panels.length; k++) {
+    const items = panels[(at + k) % panels.length]!.querySelectorAll<HTMLElement>(FOCUSABLE);
+    const first = [...items].find((item) => item.checkVisibility() && item.tabIndex >= 0);
+    if (first) return first.focus();
+  }
+}
+
 export const pageCommands = (): readonly Command[] => [
   {
     id: "undo",
@@ -75,6 +97,21 @@ export const pageCommands = (): readonly Command[] => [
     shortcut: "Mod+Enter",
     worksInFields: true,
     run: doNext,
+  },
+  ...STAGES.map(({ stage, label }) => ({
+    id: `build.${stage}`,
+    label,
+    group: "Steps",
+    when: () => !isJobActive.value,
+    run: () => void run(connection.send("start-build", { stage })),
+  })),
+  {
+    id: "next-panel",
+    label: "Go to the next panel",
+    group: "View",
+    shortcut: "F6",
+    worksInFields: true,
+    run: enterNextPanel,
   },
   {
     id: "pause",

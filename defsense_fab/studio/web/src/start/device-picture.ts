@@ -35,15 +35,14 @@ function take(shown: Viewer): void {
   if (shown.body.isEmpty || document.hidden || !connection.isOpen.value) return;
   const canvas = document.createElement("canvas");
   [canvas.width, canvas.height] = [WIDTH, HEIGHT];
-  const { renderer, scene, rig } = shown;
-  renderer.render(scene, rig.camera); // its picture is gone after the frame
-  const source = renderer.domElement;
-  const scale = Math.max(WIDTH / source.width, HEIGHT / source.height);
-  const [width, height] = [source.width * scale, source.height * scale];
   const context = canvas.getContext("2d");
   if (!context) return;
   context.imageSmoothingQuality = "high";
-  context.drawImage(source, (WIDTH - width) / 2, (HEIGHT - height) / 2, width, height);
+  shown.copyPicture((source) => {
+    const scale = Math.max(WIDTH / source.width, HEIGHT / source.height);
+    const [width, height] = [source.width * scale, source.height * scale];
+    context.drawImage(source, (WIDTH - width) / 2, (HEIGHT - height) / 2, width, height);
+  });
   const picture = canvas.toDataURL("image/webp", 0.85);
   // A picture that is not kept is no loss.
   connection.send("keep-picture", { picture }).catch(() => undefined);

@@ -65,11 +65,15 @@ export const shownVertices = signal<NumberArray>(new Float32Array());
 export function showPosedBody(viewer: Viewer): () => void {
   const colored = new PosedBody(null);
   let body: NumberArray | undefined;
+  const replacements = signal(0);
   viewer.scene.add(colored.object);
   areCordsShown.value = false;
   const stops = [
-    // The body of the device would replace the meshed one.
-    connection.onArrays("body", () => (body = undefined)),
+    // The body of the device replaces the meshed one, which is shown again.
+    connection.onArrays("body", () => {
+      body = undefined;
+      replacements.value = replacements.peek() + 1;
+    }),
     effect(() => {
       const message = meshedBody.value;
       if (!message) return;
@@ -84,6 +88,7 @@ export function showPosedBody(viewer: Viewer): () => void {
       viewer.refresh();
     }),
     effect(() => {
+      void replacements.value;
       const message = meshedBody.value;
       const vertices = currentVertices();
       if (!message || !vertices) return;

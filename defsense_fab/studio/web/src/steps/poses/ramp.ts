@@ -80,7 +80,9 @@ function between({ frames, end }: Ramp, value: number): Float32Array {
   const at = (value / end) * (frames.length - 1);
   const index = Math.min(Math.floor(at), frames.length - 2);
   const [from, to, part] = [frames[index]!, frames[index + 1]!, at - index];
-  return from.map((x, i) => x + part * (to[i]! - x));
+  const shape = new Float32Array(from.length);
+  for (let i = 0; i < shape.length; i++) shape[i] = from[i]! + part * (to[i]! - from[i]!);
+  return shape;
 }
 
 async function load(): Promise<Ramp | null> {

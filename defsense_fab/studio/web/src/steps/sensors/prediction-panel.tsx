@@ -10,8 +10,10 @@ import { ErrorBar, roundUp, SignalBar } from "./bars";
 import { limitTitle, showViolation } from "./limit-labels";
 import { draggedJudgement, judgement } from "./state";
 
+/** How many times the headline's error a pose has that is marked. */
+const MUCH_WORSE = 2;
 /** Lines of the scale of errors. */
-const SCALE_PARTS = 4;
+const SCALE_PARTS = 2;
 
 export function PredictionPanel() {
   const state = prediction.value;
@@ -50,7 +52,7 @@ function Headline() {
     <>
       <p class="headline" aria-live="polite">
         <span>
-          <strong>{error === null ? "No error" : `${error.toFixed(2)} mm`}</strong> drawn
+          <strong>{error === null ? "No prediction" : `${error.toFixed(2)} mm`}</strong> drawn
         </span>
         <span>
           {built === null ? (
@@ -62,6 +64,7 @@ function Headline() {
           )}
         </span>
       </p>
+      <WorstPose />
       <p class="muted">
         {trained !== null && !hasChanged && `${trained.toFixed(2)} mm after training. `}
         {built !== null && !isBuiltDrawn && "Changed since the build."}
@@ -71,7 +74,21 @@ function Headline() {
   );
 }
 
-function Limits({ judgement: { violations } }: { judgement: Judgement }) {
+/** The pose that is sensed worst, if it is much worse than the headline says. */
+function WorstPose() {
+  const { error = null, poses = [] } = judgement.value ?? {};
+  if (error === null || poses.length === 0) return null;
+  const worst = poses.reduce((a, b) => (b.error > a.error ? b : a));
+  const isMuchWorse = worst.error > MUCH_WORSE * error;
+  return (
+    <p class={isMuchWorse ? "problem-text" : "muted"}>
+      Worst pose: {worst.pose}, {worst.error.toFixed(2)} mm
+    </p>
+  );
+}
+
+function Limits({ judgement: { cords, violations } }: { judgement: Judgement }) {
+  if (cords.length === 0) return <p class="problem-text">Without {device.value?.noun ?? "cord"}s nothing is sensed.</p>;
   if (violations.length === 0) return <p class="kept">All limits are kept.</p>;
   return (
     <ul class="limits" aria-label="Broken limits">
