@@ -45,6 +45,8 @@ def structured_bar(low, high, counts):
 #: Files of more than 25 s, first: one that began last would leave the other worker idle.
 LONG_FILES = (
     "workflow/build/test_build.py",
+    "studio/browser/test_whole_design.py",
+    "studio/browser/test_in_a_browser.py",
     "studio/browser/test_screens.py",
     "docs/test_guide_commands.py",
     "geometry/parts/test_random_layouts.py",

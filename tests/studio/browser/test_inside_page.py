@@ -1,54 +1,34 @@
-"""The step Inside of the new page, used by mouse and keyboard in a browser."""
+"""The step Inside, used by mouse and keyboard in a browser."""
+
+from __future__ import annotations
 
 import re
 import shutil
-import socket
 
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.core.machine.local_access import Access
-from defsense_fab.studio.app.studio_app import StudioApp
-from defsense_fab.studio.project.agreement import Agreement
-from defsense_fab.workflow.view import HOST, WebServer
+from tests.studio.browser.conftest import until
+from tests.studio.browser.screens import dismiss_introduction, enter
 
 pytest.importorskip("playwright")
 from playwright.sync_api import expect
 
 pytestmark = pytest.mark.slow
-SIZE = {"width": 800, "height": 600}  # small, because the processor draws it
-TIMEOUT_MS = 240_000.0  # on a loaded machine
-
-expect.set_options(timeout=TIMEOUT_MS)
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind((HOST, 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture
-def page(browser, live_bar, tmp_path):
-    """Open the step Inside of a copy of a built bar."""
-    folder = tmp_path / "bar"
-    shutil.copytree(live_bar.folder, folder)
-    port = free_port()
-    server = WebServer(port, Access(HOST), HOST)
-    app = StudioApp(server, folder, Agreement(trusted=True))
-    server.start(app)
-    context = browser.new_context(viewport=SIZE, device_scale_factor=0.5)
-    page = context.new_page()
-    page.set_default_timeout(TIMEOUT_MS)
-    page.folder = folder
-    page.goto(f"http://127.0.0.1:{port}/")
-    page.get_by_role("button", name="Inside").click()
-    page.get_by_role("button", name="Not now").click()
-    page.get_by_role("figure", name="Colors: Largest principal strain").wait_for()
-    yield page
-    context.close()
-    app.close()
-    server.close()
+def folder(live_bar, tmp_path):
+    return shutil.copytree(live_bar.folder, tmp_path / "bar")
+
+
+@pytest.fixture
+def page(serve, open_page, folder):
+    """Open the step Inside of a built bar."""
+    page = open_page(serve(folder).url)
+    dismiss_introduction(page)
+    enter(page, "Inside")
+    return page
 
 
 def offset(page):
@@ -90,8 +70,8 @@ def test_states_are_scrubbed(page):
     expect(slider).to_have_attribute("aria-valuetext", re.compile(r"%"))
 
 
-def test_the_best_cord_of_the_plane_is_added(page):
-    names = [sensor.name for sensor in load_device(page.folder).sensors]
+def test_the_best_cord_of_the_plane_is_added(page, folder):
+    names = [sensor.name for sensor in load_device(folder).sensors]
     toggle = page.get_by_role("button", name="Where a cord would help")
     toggle.click()
     expect(toggle).to_have_attribute("aria-pressed", "true")
@@ -100,7 +80,6 @@ def test_the_best_cord_of_the_plane_is_added(page):
     expect(add).not_to_have_attribute("aria-disabled", "true")
     add.click()
     expect(page.get_by_text(re.compile("^Added cord"))).to_be_visible()
-    assert len(load_device(page.folder).sensors) == len(names) + 1
+    assert len(load_device(folder).sensors) == len(names) + 1
     page.get_by_role("button", name="Undo", exact=True).first.click()
-    page.wait_for_timeout(1000)
-    assert [sensor.name for sensor in load_device(page.folder).sensors] == names
+    assert until(lambda: [sensor.name for sensor in load_device(folder).sensors] == names)

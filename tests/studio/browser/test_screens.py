@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.studio.browser.conftest import PHONE
+from tests.studio.browser.conftest import PHONE, until
 from tests.studio.browser.screens import (
     STEPS,
     dismiss_introduction,
@@ -24,8 +24,9 @@ pytestmark = pytest.mark.slow
 DESKTOP = {"width": 1280, "height": 800}
 SIZES = (PHONE, DESKTOP, {"width": 1920, "height": 1080})
 SEVERE = ("serious", "critical")
-FONT_SIZES = "document.fonts.ready.then(() => undefined)"
-WIDTH = "[document.documentElement.scrollWidth, window.innerWidth]"
+FONTS_ARE_LOADED = "document.fonts.ready.then(() => undefined)"
+FITS = "document.documentElement.scrollWidth <= window.innerWidth"
+FIT_TIMEOUT_S = 10.0  # in which the page follows a new size of the window
 
 
 class Screens:
@@ -45,10 +46,9 @@ class Screens:
         page = self.page
         for size in SIZES:
             page.set_viewport_size(size)
-            page.evaluate(FONT_SIZES)
-            width, window_width = page.evaluate(WIDTH)
-            if width > window_width:
-                self.faults.append(f"{name}: {width} px in a window of {window_width} px")
+            page.evaluate(FONTS_ARE_LOADED)
+            if not until(lambda: page.evaluate(FITS), FIT_TIMEOUT_S):
+                self.faults.append(f"{name}: wider than a window of {size['width']} px")
             for scheme in ("light", "dark") if size == DESKTOP else ("light",):
                 page.emulate_media(color_scheme=scheme)
                 if size != SIZES[-1]:

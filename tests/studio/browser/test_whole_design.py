@@ -15,7 +15,6 @@ from tests.studio.browser.conftest import until
 from tests.studio.browser.person import Person
 from tests.studio.browser.screens import dismiss_introduction, inspector, step_button
 
-pytest.skip("its steps are not checked against the page yet", allow_module_level=True)
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 
 #: Whether the path of a ring has not changed for a second.

@@ -1,0 +1,247 @@
+"""The page of a built device in Chromium, used by mouse, keyboard and touch-sized windows."""
+
+from __future__ import annotations
+
+import re
+import shutil
+
+import pytest
+
+from defsense_fab.core.device.device_file import DEVICE, load_device
+from tests.studio.browser.conftest import PHONE, until
+from tests.studio.browser.screens import dismiss_introduction, enter, inspector, step_button
+
+pytest.importorskip("playwright")
+from playwright.sync_api import expect
+
+pytestmark = pytest.mark.slow
+LEFT_Y_MM = 8.0  # of the straight cord `left`
+SCALE = re.compile(r"Scale: (\d+) mm")
+
+
+@pytest.fixture
+def folder(made_bar, tmp_path):
+    return shutil.copytree(made_bar, tmp_path / "bar")
+
+
+@pytest.fixture
+def studio(serve, folder):
+    return serve(folder)
+
+
+@pytest.fixture
+def open_sensors(open_page, studio):
+    """Return a function that opens the step Sensors in a new browser."""
+
+    def open_step(**options):
+        page = open_page(studio.url, **options)
+        dismiss_introduction(page)
+        enter(page, "Sensors")
+        return page
+
+    return open_step
+
+
+def cord(page, name):
+    """Return the row of a cord in the tree."""
+    return page.get_by_role("treeitem", name=re.compile(rf"^{name}(:|$)"))
+
+
+def select(page, name):
+    """Select a cord in the tree, and wait for its handles."""
+    page.get_by_role("button", name="Show the list of parts").click()
+    cord(page, name).click()
+    point(page, name).wait_for()
+
+
+def point(page, name):
+    """Return the handle in the middle of a cord."""
+    return page.get_by_role("button", name=f"{name}, point 4 of 8")
+
+
+def headline(page):
+    """Return the error of the drawn cords, as it is displayed."""
+    panel = page.get_by_role("region", name="Expected error and signals")
+    return panel.get_by_text("drawn", exact=False).first
+
+
+def middle(locator):
+    """Return the middle of an element in the window, px, once it is at rest."""
+    box, last = locator.bounding_box(), None
+    while box != last:
+        locator.page.wait_for_timeout(300)
+        last, box = box, locator.bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def undo(page):
+    return page.get_by_role("button", name="Undo", exact=True).first
+
+
+def test_a_cord_clicked_in_the_scene_is_selected_everywhere(open_sensors):
+    page = open_sensors()
+    page.get_by_role("button", name="Show the list of parts").click()
+    page.get_by_role("button", name="Standard views").click()
+    page.get_by_role("menuitem", name="Top").click()
+    scale = page.get_by_role("img", name=SCALE)
+    x, y = middle(page.get_by_role("application"))
+    middle(scale)  # until the view is turned
+    length_mm = float(SCALE.search(scale.get_attribute("aria-label"))[1])
+    px_per_mm = scale.locator("div").bounding_box()["width"] / length_mm
+    page.mouse.click(x, y - LEFT_Y_MM * px_per_mm)
+    expect(cord(page, "left")).to_have_attribute("aria-selected", "true")
+    expect(cord(page, "middle")).to_have_attribute("aria-selected", "false")
+    heading = inspector(page, "Sensors").get_by_role("heading", name="left", exact=True)
+    expect(heading).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(cord(page, "left")).to_have_attribute("aria-selected", "false")
+
+
+def test_a_dragged_point_is_judged_at_once_and_is_one_undo_step(open_sensors, folder):
+    page = open_sensors()
+    select(page, "left")
+    text, error = (folder / DEVICE).read_text(), headline(page).inner_text()
+    x, y = middle(point(page, "left"))
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 4, y - 12, steps=3)
+    expect(headline(page)).not_to_have_text(error)  # while the button is down
+    assert (folder / DEVICE).read_text() == text
+    page.mouse.move(x + 8, y - 24, steps=3)
+    page.mouse.up()
+    assert until(lambda: (folder / DEVICE).read_text() != text)
+    expect(undo(page)).to_be_enabled()
+    page.keyboard.press("Control+z")
+    expect(undo(page)).to_be_disabled()
+    assert (folder / DEVICE).read_text() == text
+    expect(headline(page)).to_have_text(error)
+
+
+def test_escape_restores_a_dragged_point(open_sensors, folder):
+    page = open_sensors()
+    select(page, "left")
+    text, error = (folder / DEVICE).read_text(), headline(page).inner_text()
+    x, y = middle(point(page, "left"))
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 30, steps=3)
+    expect(headline(page)).not_to_have_text(error)
+    page.keyboard.press("Escape")
+    expect(headline(page)).to_have_text(error)
+    page.mouse.up()
+    assert middle(point(page, "left")) == pytest.approx((x, y), abs=1)
+    expect(undo(page)).to_be_disabled()
+    assert (folder / DEVICE).read_text() == text
+
+
+def test_a_cord_is_deleted_and_restored_by_keys(open_sensors, folder):
+    page = open_sensors()
+    select(page, "left")
+    page.keyboard.press("Delete")
+    expect(cord(page, "left")).to_have_count(0)
+    assert [sensor.name for sensor in load_device(folder).sensors] == ["middle"]
+    page.keyboard.press("Control+z")
+    expect(cord(page, "left")).to_be_visible()
+    page.keyboard.press("Control+Shift+z")
+    expect(cord(page, "left")).to_have_count(0)
+
+
+def test_a_broken_limit_is_labeled_at_its_place(open_sensors):
+    page = open_sensors()
+    expect(step_button(page, "Sensors")).to_have_accessible_name(re.compile("done"))
+    select(page, "left")
+    point(page, "left").click()
+    field = inspector(page, "Sensors").get_by_role("spinbutton", name="y")
+    field.fill("40")
+    field.press("Enter")
+    scene = page.get_by_role("main", name="Scene")
+    label = scene.get_by_role("button", name="Leaves the body").first
+    expect(label).to_be_visible()
+    expect(step_button(page, "Sensors")).to_have_accessible_name(re.compile("out of date"))
+    expect(cord(page, "left")).to_have_accessible_name(re.compile("^left: "))
+    page.keyboard.press("Escape")
+    label.click()
+    expect(cord(page, "left")).to_have_attribute("aria-selected", "true")
+
+
+def test_browsers_share_the_device_and_nothing_else(open_sensors, folder):
+    one, two = open_sensors(), open_sensors()
+    enter(two, "Body")
+    two.get_by_role("button", name="Show the list of parts").click()
+    select(one, "left")
+    one.get_by_role("button", name="Menu").click()
+    one.get_by_role("menuitemradio", name="Dark").click()
+    one.keyboard.press("Delete")
+    expect(cord(two, "left")).to_have_count(0)
+    expect(cord(one, "left")).to_have_count(0)
+    cord(one, "middle").click()
+    expect(cord(one, "middle")).to_have_attribute("aria-selected", "true")
+    expect(cord(two, "middle")).to_have_attribute("aria-selected", "false")
+    expect(step_button(one, "Sensors")).to_have_attribute("aria-current", "step")
+    expect(step_button(two, "Body")).to_have_attribute("aria-current", "step")
+    expect(one.locator("html")).to_have_attribute("data-theme", "dark")
+    expect(two.locator("html")).not_to_have_attribute("data-theme", "dark")
+    one.context.close()
+    undo(two).click()
+    expect(cord(two, "left")).to_be_visible()
+    assert len(load_device(folder).sensors) == 2
+
+
+def test_a_reload_keeps_the_step(open_sensors):
+    page = open_sensors()
+    page.reload()
+    expect(step_button(page, "Sensors")).to_have_attribute("aria-current", "step")
+    expect(headline(page)).to_be_visible()
+
+
+def test_the_page_returns_when_the_studio_does(open_sensors, studio, folder):
+    page = open_sensors()
+    page.get_by_role("button", name="Show the list of parts").click()
+    cord(page, "left").wait_for()
+    banner = page.get_by_role("alert").filter(has_text="The studio does not answer")
+    studio.close()
+    expect(banner).to_be_visible()
+    expect(cord(page, "left")).to_be_visible()
+    text = (folder / DEVICE).read_text(encoding="utf-8")
+    (folder / DEVICE).write_text(text.replace('name = "left"', 'name = "port"'), encoding="utf-8")
+    studio.open()
+    expect(banner).to_have_count(0)
+    expect(cord(page, "port")).to_be_visible()
+    expect(cord(page, "left")).to_have_count(0)
+    cord(page, "port").click()
+    point(page, "port").wait_for()
+    page.keyboard.press("Delete")
+    assert until(lambda: [sensor.name for sensor in load_device(folder).sensors] == ["middle"])
+
+
+def test_a_name_with_markup_is_shown_as_text(open_sensors, folder):
+    page = open_sensors()
+    name = "<script>window.wasRun = 1</script>"
+    field = page.get_by_role("textbox", name="Device name")
+    field.fill(name)
+    field.press("Enter")
+    assert until(lambda: load_device(folder).name == name)
+    expect(page).to_have_title(re.compile(re.escape(name)))
+    expect(page.get_by_role("heading", name=name, exact=True)).to_have_count(1)
+    page.reload()
+    expect(field).to_have_value(name)
+    assert page.evaluate("window.wasRun") is None
+
+
+def test_a_phone_has_the_scene_above_a_sheet_with_the_guide(open_page, studio):
+    page = open_page(studio.url, size=PHONE, has_touch=True)
+    dismiss_introduction(page)
+    enter(page, "Make")
+    scene = page.get_by_role("application").bounding_box()
+    title = page.get_by_role("heading", name="Make").bounding_box()
+    assert scene["x"] == 0
+    assert scene["width"] == PHONE["width"]
+    assert scene["y"] < title["y"] < PHONE["height"]
+    strip = page.get_by_role("list", name="Steps of the assembly")
+    strip.get_by_role("button", name="Print the parts").click()
+    card = page.get_by_role("region", name=re.compile("^Step 1 of"))
+    expect(card.get_by_role("heading", name="Print the parts")).to_be_in_viewport()
+    card.get_by_role("checkbox", name="This step is done").check(force=True)
+    expect(strip.get_by_role("checkbox", name="Step 1 is done")).to_be_checked()
+    page.get_by_role("button", name="Make the panel larger").click()
+    assert until(lambda: page.get_by_role("heading", name="Make").bounding_box()["y"] < title["y"])
