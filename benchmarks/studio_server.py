@@ -41,11 +41,13 @@ class Studio:
             self.port: int = probe.getsockname()[1]
         words = ["studio", str(folder), "--port", str(self.port), "--no-browser", "--trust"]
         threads = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+        environment = {**os.environ, "PYTHONPATH": str(checkout), **threads}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # as on a user's machine
         self.started_at = time.monotonic()
         self.process = subprocess.Popen(
             [sys.executable, "-m", "defsense_fab", *words],
             cwd=checkout,
-            env={**os.environ, "PYTHONPATH": str(checkout), **threads},
+            env=environment,
             stdout=subprocess.DEVNULL,
         )
         while True:
