@@ -13,16 +13,25 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.studio_server import TIMEOUT_S, Studio, load_average, open_studio
+from benchmarks.studio_server import ROOT, TIMEOUT_S, Studio, load_average, open_studio
 
 PROBE = Path(__file__).with_name("studio_probe.js").read_text(encoding="utf-8")
 SIZE = {"width": 1280, "height": 800}
-_STEP_PX = 5  # of the pointer
+_STEP_PX, _PAUSE_MS = 5, 30  # between movements of the pointer
 _DRAG_COUNT = 40  # movements for each delay
 _TURN_SECONDS = 10.0  # during which the camera turns
 _MIN_BODY_TRIANGLES = 500  # in a frame that shows the body
 _ANSWER_TIMEOUT_S = 10.0
 _HEADLINE = ".prediction .headline"
+_MIDDLE = """(element) => {
+  if (element.getTotalLength) {
+    const point = element.getPointAtLength(element.getTotalLength() / 2);
+    const { x, y } = point.matrixTransform(element.getScreenCTM());
+    return [x, y];
+  }
+  const { left, top, width, height } = element.getBoundingClientRect();
+  return [left + width / 2, top + height / 2];
+}"""
 
 
 @contextmanager
@@ -90,16 +99,15 @@ def measure_frames(device: Path, checkout: Path | None) -> None:
         device: Folder of a device with a body.
         checkout: Folder of other code, whose page is measured as well, or None.
     """
-    for name, code in (("this page", None), ("the other page", checkout)):
-        if name != "this page" and code is None:
+    for name, code in (("this page", ROOT), ("the other page", checkout)):
+        if code is None:
             continue
-        with open_studio(device, code) if code else open_studio(device) as studio:  # noqa: SIM117
-            with open_chromium() as browser:
-                page = open_page(browser, studio.url)
-                page.wait_for_timeout(3000)
-                if code is None:
-                    enter(page, "Body")
-                rate, triangles, pixels = turn_camera(page)
+        with open_studio(device, code) as studio, open_chromium() as browser:
+            page = open_page(browser, studio.url)
+            page.wait_for_timeout(3000)
+            if code == ROOT:
+                enter(page, "Body")
+            rate, triangles, pixels = turn_camera(page)
         print(
             f"{device.name}, {name}: {rate:.1f} frames/s, {triangles:,.0f} triangles and"
             f" {pixels / 1e6:.2f} megapixels a frame (load {load_average():.1f})",
@@ -170,11 +178,12 @@ def _move_plane(page: Any) -> tuple[np.ndarray, np.ndarray]:
     """Move the plane by its arrow: coarse sections while it moves, a fine one at its release."""
     enter(page, "Inside")
     handle = page.get_by_role("button", name="Move the plane along its normal")
-    coarse, fine = [], []
+    coarse: list[float | None] = []
+    fine: list[float | None] = []
     for _ in range(4):
         _press(page, handle)
-        for _ in _moves(page, handle, _DRAG_COUNT // 4):
-            coarse.append(_wait_for(page, _answer("kind === 'show-section'")))  # noqa: PERF401
+        moves = _moves(page, handle, _DRAG_COUNT // 4)
+        coarse += [_wait_for(page, _answer("kind === 'show-section'")) for _ in moves]
         page.mouse.up()
         fine.append(_wait_for(page, _answer("detail === 'fine'"), "releases"))
     return _known(coarse), _known(fine)
@@ -183,7 +192,7 @@ def _move_plane(page: Any) -> tuple[np.ndarray, np.ndarray]:
 def _turn_region(page: Any) -> tuple[np.ndarray, np.ndarray]:
     enter(page, "Poses")
     page.locator('[role=treeitem][data-node^="pose:"]').first.click()
-    handle = page.get_by_label("Turn", exact=False).locator("visible=true").first
+    handle = page.locator('.viewer-overlay [aria-label^="Turn"]').locator("visible=true").first
     page.wait_for_timeout(3000)
     coarse, fine = [], []
     _press(page, handle)
@@ -195,20 +204,24 @@ def _turn_region(page: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _press(page: Any, handle: Any) -> None:
-    box = handle.bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.move(*middle(handle))
     page.mouse.down()
+
+
+def middle(handle: Any) -> tuple[float, float]:
+    """Return the pixel in the middle of a button, or of a line."""
+    x, y = handle.evaluate(_MIDDLE)
+    return float(x), float(y)
 
 
 def _moves(page: Any, handle: Any, count: int = _DRAG_COUNT) -> Iterator[int]:
     """Move the pointer a little up and down, and wait for the caller in between."""
-    box = handle.bounding_box()
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    x, y = middle(handle)
     for k in range(count):
         shift = _STEP_PX * (1 + k % 4) * (-1) ** k
         page.mouse.move(x, y + shift)
         yield k
-        page.wait_for_timeout(100)
+        page.wait_for_timeout(_PAUSE_MS)
 
 
 def _answer(condition: str) -> str:

@@ -128,6 +128,13 @@ class SocketClient:
             raise RuntimeError(f"{kind}: {answer['problem']['message']}")
         return answer
 
+    def drain(self, seconds: float) -> None:
+        """Receive and drop a message, if one comes in time."""
+        try:
+            self._socket.recv(timeout=seconds)
+        except TimeoutError:
+            return
+
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()

@@ -8,7 +8,7 @@ import { run } from "../../state/run";
 import { Gizmo } from "./gizmo";
 import { LatestRequest } from "../sensors/latest-request";
 import { handleRotation, plain, rotationText, turned } from "./rotations";
-import { isLoading, setShare, share } from "./ramp";
+import { isLoading, share, showWhole } from "./ramp";
 import { centers, findPose, type Grip, grip, isMeshed, shownPose, shownProposal, shownState } from "./state";
 
 /** Time after the last press of a key at which its turns are written as one edit. */
@@ -85,7 +85,7 @@ async function writeMotion(motion: Motion): Promise<void> {
 function stepChosen(kind: "ring" | "arrow", axis: Vector3, value: number): void {
   const [pose, chosen] = [shownPose.peek(), grip.peek()];
   if (!pose || !chosen) return;
-  setShare(1);
+  showWhole();
   pending.change(pose, chosen, (motion) =>
     kind === "ring"
       ? { ...motion, rotation: turned(motion.rotation, axis, value) }
@@ -114,7 +114,7 @@ export function showPoseGizmo(viewer: Viewer): () => void {
   const begin = (): Motion | null => {
     const [pose, chosen] = [shownPose.peek(), grip.peek()];
     if (!start && pose && chosen) {
-      setShare(1);
+      showWhole();
       start = motionOf(pose, chosen);
     }
     return start;
@@ -152,7 +152,7 @@ export function showPoseGizmo(viewer: Viewer): () => void {
   const place = () => {
     const [pose, chosen] = [shownPose.value, grip.value];
     const isWhole = share.value === 1 && !shownProposal.value && !shownState.value;
-    const isShown = isMeshed.value && isWhole && !isLoading.value;
+    const isShown = isMeshed.value && isWhole && (!isLoading.value || gizmo.isDragged);
     const base = pose && chosen && isShown ? motionOf(pose, chosen) : null;
     if (!base || !pose || !chosen) {
       gizmo.show(null);

@@ -53,6 +53,15 @@ export function setShare(value: number): void {
   showShare(value);
 }
 
+/** Show all of the pose, as before it is dragged; the ramp is not needed for that. */
+export function showWhole(): void {
+  if (share.peek() < 1) setShare(1);
+  else {
+    stopFilm();
+    shownState.value = "";
+  }
+}
+
 function showShare(value: number): void {
   share.value = value;
   const pose = shownPose.peek();
