@@ -160,8 +160,8 @@ def test_invalid_argument_of_a_device_is_refused(changes, code, argument):
             "poses.1.handles.1.rotate.axis",
         ),
         ({"values": {"cord.noize": 1.0}}, "key-unknown", "cord.noize"),
-        ({"edge_length": 1e-9}, "out-of-range", None),
-        ({"edge_length": 1e9}, "out-of-range", None),
+        ({"edge_length": 1e-9}, "out-of-range", "mesh.edge_length"),
+        ({"edge_length": 1e9}, "out-of-range", "mesh.edge_length"),
         ({"body": "none.stl"}, "file-not-found", None),
     ],
 )

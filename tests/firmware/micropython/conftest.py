@@ -33,7 +33,7 @@ def run_in_micropython(folder):
         script,
         folder / "input.json",
     ]
-    return subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S)
+    return subprocess.run(command, capture_output=True, encoding="utf-8", timeout=TIMEOUT_S)
 
 
 def run_in_cpython(folder):
@@ -43,7 +43,7 @@ def run_in_cpython(folder):
         f"print(open({str(folder / 'output.json')!r}).read())"
     )
     command = [sys.executable, "-c", code]
-    return subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S)
+    return subprocess.run(command, capture_output=True, encoding="utf-8", timeout=TIMEOUT_S)
 
 
 @pytest.fixture(params=["micropython", "cpython"])
@@ -70,7 +70,7 @@ class LoopbackBoard:
 
     def __init__(self, settings, port=0):
         command = [sys.executable, HERE / "loopback_board.py", PROGRAM, settings, str(port)]
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8")
         ports = json.loads(self._process.stdout.readline())
         self.serial, self.udp, self.tcp = ports["serial"], ports["udp"], ports["tcp"]
 
