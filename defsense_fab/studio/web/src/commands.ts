@@ -95,7 +95,7 @@ function matches(event: KeyboardEvent, shortcut: string): boolean {
 
 /** Whether the focus is where selected items are, and not on a control of something else. */
 function canRemove(target: Element): boolean {
-  return !target.matches("button, input, a[href], summary") || Boolean(target.closest(".stage, [role=tree]"));
+  return !target.matches("button, input, a[href], summary") || Boolean(target.closest(".stage, [role=tree], .pose-cards"));
 }
 
 function onKeyDown(event: KeyboardEvent): void {
