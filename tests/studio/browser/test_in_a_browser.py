@@ -244,4 +244,14 @@ def test_a_phone_has_the_scene_above_a_sheet_with_the_guide(open_page, studio):
     card.get_by_role("checkbox", name="This step is done").check(force=True)
     expect(strip.get_by_role("checkbox", name="Step 1 is done")).to_be_checked()
     page.get_by_role("button", name="Make the panel larger").click()
-    assert until(lambda: page.get_by_role("heading", name="Make").bounding_box()["y"] < title["y"])
+    heading = page.get_by_role("heading", name="Make")
+    assert until(lambda: heading.bounding_box()["y"] < title["y"])
+    x, y = middle(heading)
+    for to in (y + 120, PHONE["height"] - 10):  # swiped down to half, and to its header
+        page.mouse.move(*middle(heading))
+        page.mouse.down()
+        page.mouse.move(x, to, steps=4)
+        page.mouse.up()
+        middle(heading)
+    assert heading.bounding_box()["y"] > title["y"] + 100
+    expect(page.get_by_role("button", name="Close the panel")).to_be_disabled()
