@@ -126,6 +126,20 @@ export class CameraRig {
     this.go(this.fitted(turn, up, fieldDeg), isSmooth, true);
   }
 
+  /** Fit the view again if it showed the whole object, which has left the picture since. */
+  keepInView(): void {
+    const { target, turn, height, fieldDeg } = this.goal();
+    if (!this.isFitted || this.isFacing) return;
+    const inverse = turn.clone().invert();
+    const flatness = fieldDeg < SMALLEST_FIELD_DEG ? 0 : (2 * tangent(fieldDeg)) / height;
+    const isOutside = this.corners.some((corner) => {
+      const { x, y, z } = corner.clone().sub(target).applyQuaternion(inverse);
+      const half = (height / 2) * (1 - z * flatness);
+      return Math.abs(y) > half || Math.abs(x) > (half * this.width) / this.height;
+    });
+    if (isOutside) this.fit();
+  }
+
   /** Show the whole object from a side. */
   look(name: ViewName, isSmooth = true): void {
     const turn = facing(upright(new Vector3(...DIRECTIONS[name])), UP);

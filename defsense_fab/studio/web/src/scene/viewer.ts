@@ -61,6 +61,12 @@ export class Viewer {
   /** What the camera was fitted to. */
   private shown: "nothing" | "cords" | "body" = "nothing";
   private isMoving = false;
+  /** Whether a pointer is down: the view stays as it is under it. */
+  private isPressed = false;
+  private readonly onPointer = ({ buttons }: PointerEvent) => {
+    this.isPressed = buttons !== 0;
+    if (!this.isPressed && this.shown === "body") this.rig.keepInView();
+  };
 
   constructor(private readonly host: HTMLElement) {
     const isSoftware = isSoftwareRendered();
@@ -100,6 +106,10 @@ export class Viewer {
     this.cube = new ViewCube(this);
     this.observer = new ResizeObserver(() => this.resize());
     this.observer.observe(host);
+    host.addEventListener("pointerdown", this.onPointer, true);
+    for (const type of ["pointerup", "pointercancel"] as const) {
+      window.addEventListener(type, this.onPointer);
+    }
     this.stopTheme = onThemeChange(() => this.applyTheme());
     this.applyTheme();
     this.resize();
@@ -192,6 +202,10 @@ export class Viewer {
     clearTimeout(this.stillTimer);
     this.observer.disconnect();
     this.stopTheme();
+    this.host.removeEventListener("pointerdown", this.onPointer, true);
+    for (const type of ["pointerup", "pointercancel"] as const) {
+      window.removeEventListener(type, this.onPointer);
+    }
     for (const part of [this.picker, this.labels, this.scale, this.cube]) part.dispose();
     for (const part of [this.rig, this.body, this.cords, this.shadow]) part.dispose();
     this.background.geometry.dispose();
@@ -249,6 +263,7 @@ export class Viewer {
     this.shadow.isStale = true;
     this.rig.setBounds(this.body.box);
     if (this.shown !== "body") this.rig.look("home", false);
+    else if (!this.isPressed) this.rig.keepInView();
     this.shown = "body";
     this.invalidate();
   }
