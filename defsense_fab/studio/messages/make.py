@@ -20,6 +20,8 @@ class MakeState(Event, frozen=True, kw_only=True):
         build_obstacle: Why the parts cannot be built; empty if they can.
         export_obstacle: Why there is nothing to export; empty if there is.
         problem: Why the last build failed, or None.
+        cords: Which cords the parts contain, in a sentence; empty without parts.
+        are_cords_drawn: Whether Sensors shows these cords.
     """
 
     code: Literal["not-built", "outdated", "other-options", "up-to-date"]
@@ -28,6 +30,8 @@ class MakeState(Event, frozen=True, kw_only=True):
     build_obstacle: str
     export_obstacle: str
     problem: Problem | None = None
+    cords: str = ""
+    are_cords_drawn: bool = True
 
 
 class PartState(Record, frozen=True, kw_only=True):

@@ -22,12 +22,14 @@ FACTS = Facts(
     noun="cord",
     has_poses=True,
     has_cords=True,
+    can_move=True,
     is_simulated=True,
     is_searching=False,
     best=None,
     drawn=14.731,
     built=None,
     is_built_drawn=False,
+    is_built_moved=True,
     is_current=False,
 )
 
@@ -56,6 +58,8 @@ def bent(sensor, distance):
         ({"is_searching": True, "best": 0.5}, "searching", "0.50 mm"),
         ({"built": 0.49, "is_simulated": False}, "outdated", "0.49 mm"),
         ({"built": 0.49, "is_built_drawn": True}, "optimized", "0.49 mm"),
+        ({"built": 0.49, "is_built_drawn": True, "is_built_moved": False}, "never-searched", "not"),
+        ({"can_move": False}, "locked", "14.73 mm"),
         ({"built": 0.49}, "drawn-differ", "14.73 mm"),
         ({"built": 0.49, "is_current": True}, "drawn-differ", "started from"),
         ({"built": 0.49, "drawn": None}, "drawn-differ", "are different."),
@@ -65,7 +69,9 @@ def test_the_sentence_says_what_is_true(changes, standing, words):
     state = optimize_state(replace(FACTS, **changes))
     assert state.standing == standing
     assert words in state.text
-    can_search = standing not in ("not-ready", "searching") and not changes.get("is_current")
+    can_search = standing not in ("not-ready", "locked", "searching") and not changes.get(
+        "is_current"
+    )
     assert (state.obstacle == "") == can_search
 
 
@@ -134,7 +140,7 @@ def test_layouts_are_compared_and_one_is_used(made_app):
     assert built.is_drawn  # the cords are locked, so that the build has the same ones
     assert built.parts == 2
     assert built.trained_low < built.trained < built.trained_high
-    assert server.events[messages.OptimizeState].standing == "optimized"
+    assert server.events[messages.OptimizeState].standing == "locked"
     assert server.events[messages.Layouts].compare_seconds > 0
     app.browser.ask("compare-layouts")
     assert step.session.jobs.wait(TIMEOUT_S)

@@ -27,7 +27,25 @@ def make_state(state: BuildState, build_obstacle: str, problem: Problem | None) 
         build_obstacle=build_obstacle,
         export_obstacle=obstacles.get(state.code, ""),
         problem=problem,
+        cords=_cords_text(state),
+        are_cords_drawn=state.are_cords_drawn,
     )
+
+
+def _cords_text(state: BuildState) -> str:
+    """Return which cords the parts contain, and whether Sensors shows them."""
+    cords, noun = state.cords, state.noun
+    if not state.is_built or cords is None:
+        return ""
+    error = f"{cords.error:.2f} mm expected error"
+    if not cords.is_moved:
+        contained = f"The parts contain the drawn {noun}s: {error}."
+    elif cords.parts is None:
+        contained = f"The parts contain the optimized layout: {error}."
+    else:
+        contained = f"The parts contain the optimized layout of {cords.parts} parts: {error}."
+    shown = "the same" if state.are_cords_drawn else "other"
+    return f"{contained} Sensors shows {shown} {noun}s now."
 
 
 def _texts(state: BuildState) -> tuple[str, str]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from ....core.device.device import Sensor
 from ....core.errors import DefsenseError, LayoutError, StorageError
-from ....workflow.build.results import has_layout, layout_digest
+from ....workflow.build.results import layout_digest
 from ....workflow.design.compare_layouts import (
     ComparedLayout,
     estimate_seconds,
@@ -17,8 +17,9 @@ from ....workflow.design.compare_layouts import (
 from ....workflow.study.cord_count import studied_layouts
 from ....workflow.view import Arrays, Client, Request
 from ...background.latest_worker import LatestWorker
-from ...edits.cords import take_cords
+from ...edits.cords import take_cords, unlock_cords
 from ...messages import optimize as messages
+from ...session.built_cords import built_cords, can_move_cords
 from ...session.device_session import DeviceSession
 from ...session.job_strip import Work
 from ...session.step import Handler, Step
@@ -79,6 +80,7 @@ class OptimizeStep(Step):
             messages.ErrorMapOf: self._error_map,
             messages.UseLayout: self._use_layout,
             messages.UseBest: self._use_best,
+            messages.UnlockCords: lambda _, __: self.session.apply(unlock_cords()),
             messages.CompareLayouts: self._compare,
         }
 
@@ -196,26 +198,22 @@ class OptimizeStep(Step):
 
     def _publish_state(self) -> None:
         session, search = self.session, self.watch.search
-        device, built, is_drawn = session.device, None, False
-        if has_layout(session.results):
-            try:
-                layout = session.results.layout
-                built = layout.prediction.unseen
-                is_drawn = are_same([c.sensor() for c in layout.sensors], device.sensors)
-            except (DefsenseError, OSError):  # a build replaces it, or it is damaged
-                built = None
+        device, built = session.device, built_cords(session.results)
+        is_drawn = built is not None and are_same(built.sensors, device.sensors)
         is_searching = search.state == "running"
         self.state = optimize_state(
             Facts(
                 noun=device.cord.noun,
                 has_poses=bool(device.poses),
                 has_cords=bool(device.sensors) or bool(device.propose),
+                can_move=can_move_cords(device),
                 is_simulated=session.freshness.get("simulate") == "current",
                 is_searching=is_searching,
                 best=search.best,
                 drawn=search.drawn if is_searching else self._drawn_error,
-                built=built,
+                built=None if built is None else built.error,
                 is_built_drawn=is_drawn,
+                is_built_moved=built is not None and built.is_moved,
                 is_current=session.freshness.get("optimize") == "current",
             )
         )

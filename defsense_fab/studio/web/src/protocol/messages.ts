@@ -106,6 +106,7 @@ export interface Protocol {
     | TrainModel
     | TrainOnSimulation
     | Undo
+    | UnlockCords
     | Upload
     | UploadedSurface
     | UseBest
@@ -1026,11 +1027,19 @@ export interface SmoothCord {
 }
 /**
  * Build the device up to a stage in the background.
+ *
+ *     Building the parts is refused with the code "cords-undecided" if the build would move the drawn
+ *     cords.
+ *
+ *     Attributes:
+ *         stage: The stage.
+ *         cords: Whether the drawn cords are built as they are, and locked for it.
  */
 export interface StartBuild {
   kind: "start-build";
   id: number;
   stage: "mesh" | "optimize" | "report" | "simulate";
+  cords: "as-drawn" | "ask";
 }
 /**
  * Check the wiring of the device on its board, step by step.
@@ -1172,6 +1181,13 @@ export interface TrainOnSimulation {
  */
 export interface Undo {
   kind: "undo";
+  id: number;
+}
+/**
+ * Let the search move all cords.
+ */
+export interface UnlockCords {
+  kind: "unlock-cords";
   id: number;
 }
 /**
@@ -2041,6 +2057,8 @@ export interface LivePage {
  *         build_obstacle: Why the parts cannot be built; empty if they can.
  *         export_obstacle: Why there is nothing to export; empty if there is.
  *         problem: Why the last build failed, or None.
+ *         cords: Which cords the parts contain, in a sentence; empty without parts.
+ *         are_cords_drawn: Whether Sensors shows these cords.
  */
 export interface MakeState {
   kind: "make-state";
@@ -2050,6 +2068,8 @@ export interface MakeState {
   buildObstacle: string;
   exportObstacle: string;
   problem: Problem | null;
+  cords: string;
+  areCordsDrawn: boolean;
 }
 /**
  * What can be chosen: boards, recordings, models and sessions.
@@ -2330,21 +2350,23 @@ export interface Notice {
  * What is true of the drawn and of the optimized cords.
  *
  *     Attributes:
- *         standing: What the sentence says: nothing can be searched yet, no search has run, one runs,
- *             the drawn cords are the optimized ones, they differ from them, or the body, the poses
- *             or the material have changed since.
+ *         standing: What the sentence says: nothing can be searched yet, no search has moved the
+ *             drawn cords, all are locked, a search runs, the drawn cords are the optimized ones,
+ *             they differ from them, or the body, the poses or the material have changed since.
  *         text: The sentence.
  *         obstacle: Why no search can start, or why it would find the same; empty if one can.
  *         drawn: Expected error of the drawn cords, mm; None if it cannot be predicted.
- *         built: Expected error of the optimized cords, mm; None before a search.
+ *         built: Expected error of the cords of the last build or search, mm; None without one.
+ *         is_built_moved: Whether a search has moved or added those.
  */
 export interface OptimizeState {
   kind: "optimize-state";
-  standing: "drawn-differ" | "never-searched" | "not-ready" | "optimized" | "outdated" | "searching";
+  standing: "drawn-differ" | "locked" | "never-searched" | "not-ready" | "optimized" | "outdated" | "searching";
   text: string;
   obstacle: string;
   drawn: number | null;
   built: number | null;
+  isBuiltMoved: boolean;
 }
 /**
  * Which page is shown.
@@ -2968,6 +2990,7 @@ export interface Results {
   "train-model": null;
   "train-on-simulation": null;
   undo: null;
+  "unlock-cords": null;
   upload: null;
   "uploaded-surface": null;
   "use-best": null;

@@ -2,12 +2,15 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { MakeState } from "../../protocol/messages";
+import { startBuild } from "../../state/building";
 import { connection, isJobActive, job } from "../../state/connection";
 import { attempt, run } from "../../state/run";
 import { showToast } from "../../state/toasts";
 import { Button } from "../../ui/button";
 import { Icon, type IconName } from "../../ui/icons";
 import { makeState } from "./state";
+
+const layouts = connection.event("layouts");
 
 const ICONS: Record<MakeState["code"], IconName> = {
   "not-built": "make",
@@ -28,6 +31,7 @@ export function BuildBanner() {
           <b>{state.text}</b> {state.detail}
         </span>
       </p>
+      {state.cords && <PartCords state={state} />}
       {state.problem && (
         <p class="problem" role="alert">
           <Icon name="error" />
@@ -42,6 +46,24 @@ export function BuildBanner() {
   );
 }
 
+/** Which cords the parts contain, and the way to the same ones in Sensors. */
+function PartCords({ state }: { state: MakeState }) {
+  const built = layouts.value?.rows.find(({ role }) => role === "built");
+  return (
+    <>
+      <p class={state.areCordsDrawn ? "muted" : "make-differs"}>{state.cords}</p>
+      {!state.areCordsDrawn && built && (
+        <Button
+          hint="Replace the drawn cords by those of the parts; Undo brings them back"
+          onClick={() => void run(connection.send("use-layout", { name: built.name }))}
+        >
+          Use the cords of the parts
+        </Button>
+      )}
+    </>
+  );
+}
+
 function BuildButton({ state, isPrimary }: { state: MakeState; isPrimary: boolean }) {
   const isBuilding = job.value?.name === "build" && job.value.state !== "idle";
   const hint = isJobActive.value ? "Wait until the running job has ended" : state.buildObstacle;
@@ -51,7 +73,7 @@ function BuildButton({ state, isPrimary }: { state: MakeState; isPrimary: boolea
       isBusy={isBuilding}
       disabled={isJobActive.value || Boolean(state.buildObstacle)}
       hint={hint || "Build the parts, the guide and the report"}
-      onClick={() => void run(connection.send("start-build", { stage: "report" }))}
+      onClick={() => void startBuild("report")}
     >
       Build the parts
     </Button>
