@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
+from msgspec import field
+
 from ...workflow.view import Event, Problem, Record, Request, Result
 
 StepView = Literal["plates", "exploded", "cords", "joint", "assembled"]
@@ -22,6 +24,9 @@ class MakeState(Event, frozen=True, kw_only=True):
         problem: Why the last build failed, or None.
         cords: Which cords the parts contain, in a sentence; empty without parts.
         are_cords_drawn: Whether Sensors shows these cords.
+        error: Expected error of the parts, mm; None without parts.
+        in_use: Their error in use, mm, and the limits of 90 % of built devices, (3,); empty without
+            parts.
     """
 
     code: Literal["not-built", "outdated", "other-options", "up-to-date"]
@@ -32,6 +37,8 @@ class MakeState(Event, frozen=True, kw_only=True):
     problem: Problem | None = None
     cords: str = ""
     are_cords_drawn: bool = True
+    error: float | None = None
+    in_use: list[float] = field(default_factory=list)
 
 
 class PartState(Record, frozen=True, kw_only=True):

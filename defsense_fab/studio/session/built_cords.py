@@ -23,12 +23,14 @@ class BuiltCords:
     Attributes:
         sensors: The cords.
         error: Their expected error, mm.
+        in_use: Their error in use, mm: its median, and the limits of 90 % of built devices.
         parts: Number of parts; None if they were not made on trial.
         is_moved: Whether a search has moved or added them.
     """
 
     sensors: tuple[Sensor, ...]
     error: float
+    in_use: tuple[float, float, float]
     parts: int | None
     is_moved: bool
 
@@ -41,11 +43,13 @@ def built_cords(results: Build) -> BuiltCords | None:
         layout = results.layout
     except (DefsenseError, OSError):  # a build replaces it, or it is damaged
         return None
+    trained = layout.band.trained
     parts = next((record.parts for record in layout.weighed if record.chosen), None)
     sensors = tuple(record.sensor() for record in layout.sensors)
     return BuiltCords(
         sensors,
         layout.prediction.unseen,
+        (trained.median, trained.low, trained.high),
         parts,
         layout.proposed or not _are_paths(sensors, layout.drawn),
     )

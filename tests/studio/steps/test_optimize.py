@@ -69,10 +69,8 @@ def test_the_sentence_says_what_is_true(changes, standing, words):
     state = optimize_state(replace(FACTS, **changes))
     assert state.standing == standing
     assert words in state.text
-    can_search = standing not in ("not-ready", "locked", "searching") and not changes.get(
-        "is_current"
-    )
-    assert (state.obstacle == "") == can_search
+    is_impossible = standing in ("not-ready", "locked", "searching")
+    assert (state.obstacle == "") == (not is_impossible and not changes.get("is_current"))
 
 
 def test_the_best_layout_of_a_search_is_published_used_and_undone(app):

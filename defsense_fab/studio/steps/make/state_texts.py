@@ -16,6 +16,7 @@ def make_state(state: BuildState, build_obstacle: str, problem: Problem | None) 
         problem: Why the last build failed, or None.
     """
     text, detail = _texts(state)
+    cords = state.cords if state.is_built else None
     obstacles = {
         "not-built": "There is nothing to export before the parts are built",
         "outdated": "The parts belong to an earlier device: build them first",
@@ -29,6 +30,8 @@ def make_state(state: BuildState, build_obstacle: str, problem: Problem | None) 
         problem=problem,
         cords=_cords_text(state),
         are_cords_drawn=state.are_cords_drawn,
+        error=cords.error if cords is not None else None,
+        in_use=list(cords.in_use) if cords is not None else [],
     )
 
 
@@ -37,15 +40,14 @@ def _cords_text(state: BuildState) -> str:
     cords, noun = state.cords, state.noun
     if not state.is_built or cords is None:
         return ""
-    error = f"{cords.error:.2f} mm expected error"
     if not cords.is_moved:
-        contained = f"The parts contain the drawn {noun}s: {error}."
-    elif cords.parts is None:
-        contained = f"The parts contain the optimized layout: {error}."
+        contained = f"The parts contain the drawn {noun}s"
     else:
-        contained = f"The parts contain the optimized layout of {cords.parts} parts: {error}."
-    shown = "the same" if state.are_cords_drawn else "other"
-    return f"{contained} Sensors shows {shown} {noun}s now."
+        count = "" if cords.parts is None else f" of {cords.parts} parts"
+        contained = f"The parts contain the optimized layout{count}"
+    if state.are_cords_drawn:
+        return f"{contained}, as Sensors shows them now."
+    return f"{contained}. Sensors shows other {noun}s now."
 
 
 def _texts(state: BuildState) -> tuple[str, str]:

@@ -2059,6 +2059,9 @@ export interface LivePage {
  *         problem: Why the last build failed, or None.
  *         cords: Which cords the parts contain, in a sentence; empty without parts.
  *         are_cords_drawn: Whether Sensors shows these cords.
+ *         error: Expected error of the parts, mm; None without parts.
+ *         in_use: Their error in use, mm, and the limits of 90 % of built devices, (3,); empty without
+ *             parts.
  */
 export interface MakeState {
   kind: "make-state";
@@ -2070,6 +2073,8 @@ export interface MakeState {
   problem: Problem | null;
   cords: string;
   areCordsDrawn: boolean;
+  error: number | null;
+  inUse: number[];
 }
 /**
  * What can be chosen: boards, recordings, models and sessions.
@@ -2612,6 +2617,7 @@ export interface PoseWarning {
  *         drawn: Judgement of the drawn cords; None if not ready.
  *         drawn_problem: Why it is missing.
  *         built: Error of the cords of the last build, mm; None without a build.
+ *         built_in_use: Their error in use, mm; None without a build.
  *         is_built_drawn: Whether the built cords are the drawn ones.
  */
 export interface Prediction {
@@ -2622,14 +2628,16 @@ export interface Prediction {
   drawn: Judgement | null;
   drawnProblem: Problem | null;
   built: number | null;
+  builtInUse: number | null;
   isBuiltDrawn: boolean;
 }
 /**
  * The error expected of cords, and the limits that they break.
  *
  *     Attributes:
- *         error: RMSE in unseen states, mm; None without cords, or if it cannot be predicted.
- *         trained: RMSE after training, with the memory of the cords, mm; None if not computed.
+ *         error: Expected error, mm; None without cords, or if it cannot be predicted.
+ *         trained: Error in use (after training, with the memory of the cords), mm; None if not
+ *             computed.
  *         decoder: The decoder.
  *         poses: Expectations by pose.
  *         cords: Numbers of the cords.

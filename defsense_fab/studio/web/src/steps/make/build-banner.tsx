@@ -2,6 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { MakeState } from "../../protocol/messages";
+import { ErrorHelp } from "../../shell/error-help";
 import { startBuild } from "../../state/building";
 import { connection, isJobActive, job } from "../../state/connection";
 import { attempt, run } from "../../state/run";
@@ -46,12 +47,37 @@ export function BuildBanner() {
   );
 }
 
+function PartErrors({ state: { error, inUse } }: { state: MakeState }) {
+  if (error === null) return null;
+  const [middle, low, high] = inUse;
+  return (
+    <dl class="fact-list make-errors">
+      <div>
+        <dt>
+          Expected error
+          <ErrorHelp />
+        </dt>
+        <dd>{error.toFixed(2)} mm</dd>
+      </div>
+      {middle !== undefined && low !== undefined && high !== undefined && (
+        <div>
+          <dt>Error in use</dt>
+          <dd>
+            {middle.toFixed(2)} mm ({low.toFixed(2)} to {high.toFixed(2)})
+          </dd>
+        </div>
+      )}
+    </dl>
+  );
+}
+
 /** Which cords the parts contain, and the way to the same ones in Sensors. */
 function PartCords({ state }: { state: MakeState }) {
   const built = layouts.value?.rows.find(({ role }) => role === "built");
   return (
     <>
       <p class={state.areCordsDrawn ? "muted" : "make-differs"}>{state.cords}</p>
+      <PartErrors state={state} />
       {!state.areCordsDrawn && built && (
         <Button
           hint="Replace the drawn cords by those of the parts; Undo brings them back"

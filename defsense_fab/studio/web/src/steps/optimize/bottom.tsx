@@ -104,7 +104,7 @@ function dot(row: LayoutRow, x: number | null): Dot[] {
   if (x === null || row.error === null) return [];
   const { name, error, trainedLow: low, trainedHigh: high } = row;
   const costs = `${COSTS[cost.value].label.toLowerCase()}: ${x.toFixed(Number.isInteger(x) ? 0 : 1)}`;
-  const range = low === null || high === null ? "" : `; after training ${low.toFixed(2)} to ${high.toFixed(2)} mm`;
+  const range = low === null || high === null ? "" : `; in use ${low.toFixed(2)} to ${high.toFixed(2)} mm`;
   return [
     {
       name,
@@ -122,7 +122,7 @@ function CompareButton() {
   if (compareSeconds === 0 && !obstacle && !isComparing.value) return null;
   const hint = obstacle
     ? `${obstacle[0]!.toUpperCase()}${obstacle.slice(1)}`
-    : "Make the parts of all layouts on trial, and predict their errors after training";
+    : "Make the parts of all layouts on trial, and predict their errors in use";
   return (
     <Button
       class="compare"

@@ -1,5 +1,7 @@
 // What is true of the cords, the search or the chosen layout, and the error map.
+import type { ComponentChildren } from "preact";
 import type { OptimizeState } from "../../protocol/messages";
+import { ErrorHelp } from "../../shell/error-help";
 import { startBuild } from "../../state/building";
 import { run } from "../../state/run";
 import { connection, device, isJobActive } from "../../state/connection";
@@ -63,20 +65,32 @@ function Standing() {
 function Numbers({ state: { drawn, built, isBuiltMoved } }: { state: OptimizeState }) {
   if (drawn === null && built === null) return null;
   return (
-    <dl class="standing-numbers">
+    <ErrorNumbers>
       <Number label="Drawn" error={drawn} tone="drawn" />
       {isBuiltMoved && <Number label="Optimized" error={built} tone="built" />}
-    </dl>
+    </ErrorNumbers>
+  );
+}
+
+function ErrorNumbers({ children }: { children: ComponentChildren }) {
+  return (
+    <>
+      <h3 class="standing-title">
+        Expected error
+        <ErrorHelp />
+      </h3>
+      <dl class="standing-numbers">{children}</dl>
+    </>
   );
 }
 
 function SearchNumbers() {
   const { best = null, drawn = null } = search.value ?? {};
   return (
-    <dl class="standing-numbers">
+    <ErrorNumbers>
       <Number label="Drawn" error={drawn} tone="drawn" />
       <Number label="Best so far" error={best} tone="best" />
-    </dl>
+    </ErrorNumbers>
   );
 }
 

@@ -10,10 +10,10 @@ export function LayoutDetails({ row }: { row: LayoutRow }) {
   const range = trainedLow === null ? "" : ` (90 %: ${mm(trainedLow)} to ${mm(trainedHigh)})`;
   const facts: [string, string][] = [
     ["Expected error", `${mm(row.error)} mm`],
-    ["After training", trained === null ? "not computed" : `${mm(trained)} mm${range}`],
+    ["Error in use", trained === null ? "not computed" : `${mm(trained)} mm${range}`],
     ["Parts", row.parts === null ? "not computed" : String(row.parts)],
     ["Print time", printHours === null ? "no estimate" : `about ${printHours.toFixed(0)} h`],
-    ["Cords", `${row.cords.length}, ${length === null ? "?" : length.toFixed(0)} mm in all`],
+    ["Cords", `${row.cords.length}, ${length === null ? "–" : length.toFixed(0)} mm in all`],
     ["Planes", String(row.planes)],
   ];
   return (

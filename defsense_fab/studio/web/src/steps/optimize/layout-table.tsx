@@ -10,10 +10,10 @@ export function LayoutTable() {
       caption="Layouts; errors in mm"
       columns={[
         { title: "Layout", cell: name },
-        { title: "Error", cell: ({ error }) => mm(error), isNumber: true },
-        { title: "Trained (90 %)", cell: trained, isNumber: true },
+        { title: "Expected error", cell: ({ error }) => mm(error), isNumber: true },
         { title: "Parts", cell: parts, isNumber: true },
-        { title: "Print", cell: ({ printHours }) => unit(printHours, 0, "h"), isNumber: true },
+        { title: "Print time", cell: ({ printHours }) => unit(printHours, 0, "h"), isNumber: true },
+        { title: "Error in use (90 %)", cell: trained, isNumber: true },
         { title: "Cord", cell: ({ length }) => unit(length && length / 10, 0, "cm"), isNumber: true },
         { title: "Planes", cell: ({ planes }) => planes, isNumber: true },
         { title: "Use", cell: use },
@@ -45,11 +45,11 @@ function trained({ trained: middle, trainedLow: low, trainedHigh: high }: Layout
 }
 
 function unit(value: number | null, digits: number, name: string): string {
-  return value === null ? "?" : `${value.toFixed(digits)} ${name}`;
+  return value === null ? "–" : `${value.toFixed(digits)} ${name}`;
 }
 
 function parts({ parts: count, problem }: LayoutRow) {
-  return problem ? <span class="cannot-make" data-tooltip={problem}>cannot be made</span> : (count ?? "?");
+  return problem ? <span class="cannot-make" data-tooltip={problem}>cannot be made</span> : (count ?? "–");
 }
 
 function use(row: LayoutRow) {

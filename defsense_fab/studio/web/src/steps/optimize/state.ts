@@ -77,4 +77,4 @@ export async function compareLayouts(): Promise<void> {
   await run(connection.send("compare-layouts", {}));
 }
 
-export const mm = (value: number | null): string => (value === null ? "?" : value.toFixed(2));
+export const mm = (value: number | null): string => (value === null ? "–" : value.toFixed(2));
