@@ -68,6 +68,7 @@ class Problem(Record, frozen=True, kw_only=True):
         message: What is wrong and what to do, without the place.
         field: Dotted name of the key of `device.toml` that is wrong; empty if none is.
         cord: Name of the cord that is concerned; empty if none is.
+        suggestion: A value of the key that cures it; None if none is known.
     """
 
     code: str
@@ -75,6 +76,7 @@ class Problem(Record, frozen=True, kw_only=True):
     message: str
     field: str = ""
     cord: str = ""
+    suggestion: float | None = None
 
     @classmethod
     def of(cls, error: Exception) -> Problem:
@@ -90,6 +92,7 @@ class Problem(Record, frozen=True, kw_only=True):
             message=message,
             field=str(error.data.get("key", "")),
             cord=str(error.data.get("cord", "")),
+            suggestion=error.data.get("suggested"),
         )
 
 

@@ -63,7 +63,7 @@ def _texts(state: BuildState) -> tuple[str, str]:
         )
     if state.options:
         return (
-            "The parts are up to date, with other options than device.toml.",
+            "The parts are up to date, with other options than those of the device.",
             f"They were built with {state.options}. To keep these options, set them under"
             " [fabrication] in device.toml.",
         )

@@ -1309,6 +1309,7 @@ export interface Parameter {
  *         message: What is wrong and what to do, without the place.
  *         field: Dotted name of the key of `device.toml` that is wrong; empty if none is.
  *         cord: Name of the cord that is concerned; empty if none is.
+ *         suggestion: A value of the key that cures it; None if none is known.
  */
 export interface Problem {
   code: string;
@@ -1316,6 +1317,7 @@ export interface Problem {
   message: string;
   field: string;
   cord: string;
+  suggestion: number | null;
 }
 /**
  * The newest body.

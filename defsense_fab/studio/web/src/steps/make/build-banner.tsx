@@ -3,8 +3,10 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { MakeState } from "../../protocol/messages";
 import { ErrorHelp } from "../../shell/error-help";
+import { RemedyButton } from "../../shell/remedy-button";
 import { startBuild } from "../../state/building";
 import { connection, isJobActive, job } from "../../state/connection";
+import { inPageWords } from "../../state/page-words";
 import { attempt, run } from "../../state/run";
 import { showToast } from "../../state/toasts";
 import { Button } from "../../ui/button";
@@ -29,7 +31,7 @@ export function BuildBanner() {
       <p role="status">
         <Icon name={ICONS[state.code]} />
         <span>
-          <b>{state.text}</b> {state.detail}
+          <b>{inPageWords(state.text)}</b> {inPageWords(state.detail)}
         </span>
       </p>
       {state.cords && <PartCords state={state} />}
@@ -39,6 +41,7 @@ export function BuildBanner() {
           <span>The last build failed: {state.problem.text}</span>
         </p>
       )}
+      {state.problem && <RemedyButton problem={state.problem} />}
       <div class="actions">
         {state.code !== "up-to-date" && <BuildButton state={state} isPrimary={!isDone} />}
         <ExportButton state={state} isPrimary={isDone} />

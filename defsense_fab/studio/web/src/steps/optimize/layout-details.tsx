@@ -1,4 +1,5 @@
 import type { LayoutRow } from "../../protocol/messages";
+import { inPageWords } from "../../state/page-words";
 import { Button } from "../../ui/button";
 import { Icon } from "../../ui/icons";
 import { applyLayout, layoutLabel, mm } from "./state";
@@ -29,7 +30,7 @@ export function LayoutDetails({ row }: { row: LayoutRow }) {
       </dl>
       {problem && (
         <p class="note danger">
-          <Icon name="error" /> {problem}
+          <Icon name="error" /> {inPageWords(problem)}
         </p>
       )}
       <Button
@@ -47,7 +48,7 @@ export function LayoutDetails({ row }: { row: LayoutRow }) {
           </summary>
           <ul>
             {notes.map((note) => (
-              <li key={note}>{note}</li>
+              <li key={note}>{inPageWords(note)}</li>
             ))}
           </ul>
         </details>

@@ -1,4 +1,5 @@
 import type { LayoutRow } from "../../protocol/messages";
+import { inPageWords } from "../../state/page-words";
 import { Button } from "../../ui/button";
 import { Table } from "../../ui/table";
 import { applyLayout, choose, chosenName, layoutLabel, layoutName, mm, rows } from "./state";
@@ -49,7 +50,7 @@ function unit(value: number | null, digits: number, name: string): string {
 }
 
 function parts({ parts: count, problem }: LayoutRow) {
-  return problem ? <span class="cannot-make" data-tooltip={problem}>cannot be made</span> : (count ?? "–");
+  return problem ? <span class="cannot-make" data-tooltip={inPageWords(problem)}>cannot be made</span> : (count ?? "–");
 }
 
 function use(row: LayoutRow) {

@@ -35,7 +35,7 @@ export function PredictionPanel() {
     <div class="prediction" aria-busy={state.isComputing}>
       <div class="prediction-summary">
         <Headline />
-        {state.drawnProblem && <p class="problem-text">{state.drawnProblem.text}</p>}
+        {state.drawnProblem && <p class="problem-text">{state.drawnProblem.message}</p>}
         {shown && <Limits judgement={shown} />}
       </div>
       {shown && shown.poses.length > 0 && (
