@@ -84,6 +84,7 @@ class Problem(Record, frozen=True, kw_only=True):
         if not isinstance(error, DefsenseError):
             text = f"The program failed ({type(error).__name__}: {error})"
             return cls(code="task-failed", text=text, message=text)
+        suggested = error.data.get("suggested")
         action = f" {error.action.rstrip('.')}." if error.action else ""
         message = f"{error.problem[:1].upper()}{error.problem[1:].rstrip('.')}.{action}"
         return cls(
@@ -92,7 +93,7 @@ class Problem(Record, frozen=True, kw_only=True):
             message=message,
             field=str(error.data.get("key", "")),
             cord=str(error.data.get("cord", "")),
-            suggestion=error.data.get("suggested"),
+            suggestion=suggested if isinstance(suggested, int | float) else None,
         )
 
 

@@ -11,7 +11,7 @@ from ...workflow.view import Event, Record, Request
 Standing = Literal[
     "not-ready", "never-searched", "locked", "searching", "optimized", "drawn-differ", "outdated"
 ]
-Role = Literal["drawn", "built", "candidate", "by-eye", "studied"]
+Role = Literal["drawn", "built", "candidate", "by-eye", "studied", "earlier"]
 
 
 class GhostCord(Record, frozen=True, kw_only=True):
@@ -93,7 +93,7 @@ class LayoutRow(Record, frozen=True, kw_only=True):
 
     Attributes:
         name: Unique name of the layout.
-        role: Which layout it is.
+        role: Which layout it is; the numbers of an earlier one are of an earlier design.
         is_drawn: Whether the drawn cords are those of the layout.
         error: Error in unseen states, mm.
         trained: Error expected after training, with the memory of the cords, mm.

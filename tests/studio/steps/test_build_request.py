@@ -13,6 +13,7 @@ from defsense_fab.studio.session.built_cords import BuiltCords, built_cords
 from defsense_fab.studio.steps.build_request import would_move_cords
 from defsense_fab.studio.steps.make.build_state import BuildState
 from defsense_fab.studio.steps.make.state_texts import make_state
+from defsense_fab.studio.steps.optimize.ghost_cords import are_same
 from defsense_fab.workflow.build.build import build
 from defsense_fab.workflow.build.results import last_build
 from defsense_fab.workflow.design.compare_layouts import ComparedLayout
@@ -51,6 +52,8 @@ def test_cords_of_a_layout_are_locked_when_they_are_used(unlocked_app):
     assert not would_move_cords(session)
     state = optimize_step(app).state
     assert "locked" in state.obstacle
+    (taken,) = session.taken_layouts
+    assert are_same(taken, session.device.sensors)
     app.browser.ask("unlock-cords")
     assert all(sensor.free == {"path", "plane"} for sensor in session.device.sensors)
 

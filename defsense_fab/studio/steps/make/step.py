@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from dataclasses import replace
 
 from ....core.errors import DefsenseError, StorageError
 from ....core.storage.files import read_regular
@@ -157,6 +158,10 @@ class MakeStep(Step):
         if error is not None and error.code == CANCELLED:
             error = None
         cords = built_cords(session.results)
+        if cords is not None and any(
+            are_same(cords.sensors, taken) for taken in session.taken_layouts
+        ):
+            cords = replace(cords, is_moved=True)  # by the search that found them
         state = BuildState(
             is_built=self.guide is not None,
             outdated_stage=None if stage is None else stage.title,

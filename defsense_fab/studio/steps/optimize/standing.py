@@ -55,22 +55,22 @@ def optimize_state(facts: Facts) -> OptimizeState:
 
 def _obstacle(f: Facts) -> str:
     if f.is_searching:
-        return "A search is running"
+        return "The optimizer is running"
     if not f.has_poses:
         return "Add a pose first"
     if not f.has_cords:
         return f"Add a {f.noun} first"
     if not f.can_move:
-        return f"All {f.noun}s are locked: unlock those that the search may move"
+        return f"All {f.noun}s are locked: unlock those that the optimizer may move"
     if f.is_current and f.built is not None:
-        return "Nothing has changed since the last search: another one would find the same"
+        return "Nothing has changed since the cords were optimized: the result would be the same"
     return ""
 
 
 def _standing(f: Facts) -> tuple[str, str]:
     cords, drawn = f"{f.noun}s", _mm(f.drawn)
     if f.is_searching:
-        start = f"The search has not found {cords} within all limits yet"
+        start = f"No {cords} within all limits are found yet"
         if f.best is not None:
             start = f"The best {cords} so far have {_mm(f.best)}"
         return "searching", f"{start}; the drawn {cords} have {drawn}." if drawn else f"{start}."
@@ -83,8 +83,8 @@ def _standing(f: Facts) -> tuple[str, str]:
     built = _mm(f.built)
     if not f.is_simulated:
         return "outdated", (
-            f"The body, the material or the poses have changed since the last search, which"
-            f" reached {built}. Search again."
+            f"The body, the material or the poses have changed since the last optimization,"
+            f" which reached {built}. Optimize again."
         )
     if f.is_built_drawn:
         if f.is_built_moved or (f.can_move and f.is_current):
@@ -94,7 +94,7 @@ def _standing(f: Facts) -> tuple[str, str]:
     error = f" and have {drawn}" if drawn else ""
     return (
         "drawn-differ",
-        f"The last search reached {built}. The drawn {cords} {relation}{error}.",
+        f"The last optimization reached {built}. The drawn {cords} {relation}{error}.",
     )
 
 
@@ -102,8 +102,8 @@ def _before_a_search(f: Facts, cords: str, error: str) -> tuple[str, str]:
     expected = f" {error} expected." if error else ""
     if not f.can_move:
         return "locked", f"All {cords} are locked: the parts contain them as drawn.{expected}"
-    first = f"The drawn {cords} are not optimized.{expected}"
-    simulated = "" if expected or f.is_simulated else " The search simulates the poses first."
+    first = f"The {cords} are not optimized.{expected}"
+    simulated = "" if expected or f.is_simulated else " The poses are simulated first."
     return "never-searched", first + simulated
 
 

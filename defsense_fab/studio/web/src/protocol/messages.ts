@@ -1955,7 +1955,7 @@ export interface Layouts {
  *
  *     Attributes:
  *         name: Unique name of the layout.
- *         role: Which layout it is.
+ *         role: Which layout it is; the numbers of an earlier one are of an earlier design.
  *         is_drawn: Whether the drawn cords are those of the layout.
  *         error: Error in unseen states, mm.
  *         trained: Error expected after training, with the memory of the cords, mm.
@@ -1971,7 +1971,7 @@ export interface Layouts {
  */
 export interface LayoutRow {
   name: string;
-  role: "built" | "by-eye" | "candidate" | "drawn" | "studied";
+  role: "built" | "by-eye" | "candidate" | "drawn" | "earlier" | "studied";
   isDrawn: boolean;
   error: number | null;
   trained: number | null;

@@ -24,7 +24,7 @@ export function CordQuestion() {
       <div class="choice-list">
         <Choice
           title={`Build these ${nouns} as drawn`}
-          text={`${expected(drawn)}They are locked, so that no search moves them.`}
+          text={`${expected(drawn)}They are locked, so that nothing moves them.`}
           onChoose={() => void startBuild("report", "as-drawn")}
         />
         {hasFound && (
@@ -37,7 +37,7 @@ export function CordQuestion() {
         {!obstacle && (
           <Choice
             title={hasFound ? "Optimize again first" : "Optimize first"}
-            text={`A search moves the ${nouns} to reduce the error. Then choose a layout and build it.`}
+            text={`The optimizer moves the ${nouns} to reduce the error. Then choose a layout and build it.`}
             onChoose={() => {
               enterStep("optimize");
               void startBuild("optimize");

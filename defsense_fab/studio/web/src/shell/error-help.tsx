@@ -8,7 +8,7 @@ const ERRORS: readonly [name: string, meaning: string][] = [
   ],
   [
     "Drawn, optimized, in the parts",
-    "The same number for the cords in Sensors, for those that a search has found, and for those that the parts contain. For the last two, the parts were made on trial: cuts and joints are included.",
+    "The same number for the cords in Sensors, for those that Optimize has found, and for those that the parts contain. For the last two, the parts were made on trial: cuts and joints are included.",
   ],
   [
     "Error in use",

@@ -138,7 +138,7 @@ function TrainingTable({ result }: { result: TrainingResult }) {
         {chosen && (
           <span class="card-headline">
             Measured error {(chosen.test ?? chosen.folds).toFixed(2)} mm{" "}
-            {chosen.test === null ? "in the folds" : "in the test"}
+            {chosen.test === null ? "by cross-validation" : "in the test"}
           </span>
         )}
       </h3>
@@ -158,14 +158,14 @@ function TrainingTable({ result }: { result: TrainingResult }) {
                 </span>
               ),
             },
-            { title: "Folds", isNumber: true, cell: ({ folds }) => folds.toFixed(2) },
+            { title: "Cross-validation", isNumber: true, cell: ({ folds }) => folds.toFixed(2) },
             { title: "Test", isNumber: true, cell: ({ test }) => test?.toFixed(2) ?? "–" },
             { title: "Peak", isNumber: true, cell: ({ peak }) => peak?.toFixed(2) ?? "–" },
           ]}
         />
       )}
       <p class="card-note">
-        Errors of the markers in mm (RMSE; peak: the largest). Chosen by the folds.
+        Errors of the markers in mm (RMSE; peak: the largest). Chosen by cross-validation: each session in turn is left out and predicted from the others.
         {result.trainedImages !== null &&
           ` Trained on ${result.trainedImages} images and tested on the ${result.testedImages} that follow.`}
       </p>

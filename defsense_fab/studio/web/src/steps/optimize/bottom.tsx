@@ -33,7 +33,7 @@ export function OptimizeBottom() {
           value={view.value}
           segments={[
             { value: "layouts", label: "Layouts" },
-            { value: "search", label: "Search" },
+            { value: "search", label: "Progress" },
           ]}
           onChange={(value) => (view.value = value)}
         />
@@ -60,7 +60,7 @@ export function OptimizeBottom() {
 function SearchCharts() {
   const current = search.value;
   if (!current || current.state === "none") {
-    return <EmptyState icon="optimize" text="No search has run since the studio was opened." />;
+    return <EmptyState icon="optimize" text="Nothing has been optimized since the studio was opened." />;
   }
   return (
     <div class="optimize-charts halves">
@@ -72,7 +72,7 @@ function SearchCharts() {
 
 function Comparison() {
   if (rows.value.length === 0) {
-    return <EmptyState icon="cord" text="There are no layouts yet. Draw cords, or let a search find some." />;
+    return <EmptyState icon="cord" text="There are no layouts yet. Draw cords, or optimize them." />;
   }
   const { of, title } = COSTS[cost.value];
   const dots = rows.value.flatMap((row) => dot(row, of(row)));
@@ -83,6 +83,7 @@ function Comparison() {
           dots={dots}
           xTitle={dots.length < rows.value.length ? `${title}, known for ${dots.length} of ${rows.value.length}` : title}
           yTitle="Expected error, mm"
+          areCounts={cost.value !== "hours"}
           onChoose={choose}
           onHover={(name) => (hoveredName.value = name)}
         />
@@ -90,7 +91,7 @@ function Comparison() {
         <p class="chart-empty">
           {rows.value.some(({ role }) => role === "built")
             ? "Compare all to compute these numbers."
-            : "These numbers are known after a search."}
+            : "These numbers are known after “Optimize”."}
         </p>
       )}
       <div class="layout-table">

@@ -117,7 +117,7 @@ function Actions() {
       <Button
         variant={mainVariant.value}
         disabled={!hasBest}
-        hint={hasBest ? "End the search and draw its best cords" : "No cords within all limits yet"}
+        hint={hasBest ? "Stop optimizing and draw the best cords" : "No cords within all limits yet"}
         onClick={() => void applyBest()}
       >
         Use the best so far
@@ -158,7 +158,7 @@ function Actions() {
         </Button>
       )}
       {hasBest && code !== "optimized" && code !== "locked" && !canUseBuilt && (
-        <Button hint="Draw the best cords of the search that has ended" onClick={() => void applyBest()}>
+        <Button hint="Draw the best cords that were found" onClick={() => void applyBest()}>
           Use the best so far
         </Button>
       )}

@@ -28,6 +28,11 @@ export function LayoutDetails({ row }: { row: LayoutRow }) {
           </div>
         ))}
       </dl>
+      {row.role === "earlier" && (
+        <p class="note">
+          <Icon name="info" /> Of an earlier design: its numbers may differ now.
+        </p>
+      )}
       {problem && (
         <p class="note danger">
           <Icon name="error" /> {inPageWords(problem)}

@@ -1,7 +1,9 @@
 import type { LayoutRow } from "../../protocol/messages";
 import { inPageWords } from "../../state/page-words";
 import { Button } from "../../ui/button";
+import { tooltip } from "../../ui/tooltip";
 import { Table } from "../../ui/table";
+import type { Tone } from "./charts/scatter";
 import { applyLayout, choose, chosenName, layoutLabel, layoutName, mm, rows } from "./state";
 
 /** All layouts side by side, with the same numbers for each. */
@@ -29,7 +31,10 @@ export function LayoutTable() {
 
 function name(row: LayoutRow) {
   return (
-    <span class="layout-name">
+    <span
+      class="layout-name"
+      {...tooltip(row.role === "earlier" ? "Of an earlier design: its numbers may differ now" : undefined)}
+    >
       <i class={`chart-mark ${dotTone(row)}`} aria-hidden="true" />
       {layoutName(row)}
     </span>
@@ -69,7 +74,8 @@ function use(row: LayoutRow) {
   );
 }
 
-export function dotTone({ role, isDrawn }: LayoutRow): "drawn" | "built" | "other" {
+export function dotTone({ role, isDrawn }: LayoutRow): Tone {
+  if (role === "earlier") return "earlier";
   if (role === "built") return "built";
   return isDrawn || role === "drawn" ? "drawn" : "other";
 }
