@@ -24,7 +24,7 @@ export function CordQuestion() {
       <div class="choice-list">
         <Choice
           title={`Build these ${nouns} as drawn`}
-          text={`${expected(drawn)}They are locked, so that nothing moves them.`}
+          text={`${expected(drawn)}They are locked: nothing moves them, and none is added.`}
           onChoose={() => void startBuild("report", "as-drawn")}
         />
         {hasFound && (
