@@ -274,8 +274,10 @@ def no_room_error(problem: Problem, count: int) -> LayoutError:
         code="no-room-for-cords",
         where=f"[design] sensors = {count}",
         action=f"{advice}, or draw them as [[sensors]]",
+        key="design.sensors",
         count=count,
         found=count_found,
+        suggested=count_found if 0 < count_found < count else None,
         shortest=limits.shortest,
         longest=limits.longest,
     )

@@ -68,6 +68,7 @@ class Problem(Record, frozen=True, kw_only=True):
         message: What is wrong and what to do, without the place.
         field: Dotted name of the key of `device.toml` that is wrong; empty if none is.
         cord: Name of the cord that is concerned; empty if none is.
+        suggestion: A value of the key that cures it; None if none is known.
     """
 
     code: str
@@ -75,6 +76,7 @@ class Problem(Record, frozen=True, kw_only=True):
     message: str
     field: str = ""
     cord: str = ""
+    suggestion: float | None = None
 
     @classmethod
     def of(cls, error: Exception) -> Problem:
@@ -82,6 +84,7 @@ class Problem(Record, frozen=True, kw_only=True):
         if not isinstance(error, DefsenseError):
             text = f"The program failed ({type(error).__name__}: {error})"
             return cls(code="task-failed", text=text, message=text)
+        suggested = error.data.get("suggested")
         action = f" {error.action.rstrip('.')}." if error.action else ""
         message = f"{error.problem[:1].upper()}{error.problem[1:].rstrip('.')}.{action}"
         return cls(
@@ -90,6 +93,7 @@ class Problem(Record, frozen=True, kw_only=True):
             message=message,
             field=str(error.data.get("key", "")),
             cord=str(error.data.get("cord", "")),
+            suggestion=suggested if isinstance(suggested, int | float) else None,
         )
 
 

@@ -24,6 +24,7 @@ else:
 CANCELLED = "cancelled"  # code of the error of a job that was canceled
 PAUSE, RESUME = "pause", "resume"  # messages to the child process
 _CLOSE_TIMEOUT_S = 5.0  # time in which a canceled process has to end
+_STAGE_PART = 0.8  # of the remaining share that a stage takes
 _log = logging.getLogger(__name__)
 
 
@@ -36,14 +37,22 @@ class JobReporter:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._stage, self._start, self._share = "", 0.0, 0.0
 
     def progress(self, share: float, message: str) -> None:
         """Report the completed share (0 to 1) and a message."""
         self._send("progress", (share, message))
 
     def stage_progress(self, stage: str, share: float, message: str) -> None:
-        """Report the progress of a stage; use it where a function takes a progress callback."""
-        self.progress(share, f"{stage}: {message}")
+        """Report the progress of a stage; use it where a function takes a progress callback.
+
+        The number of stages is not known: each takes a part of what the earlier ones have left.
+        """
+        if stage != self._stage:
+            self._stage, self._start = stage, self._share
+        whole = self._start + (1 - self._start) * _STAGE_PART * min(max(share, 0.0), 1.0)
+        self._share = max(self._share, whole)
+        self.progress(self._share, f"{stage}: {message}")
 
     def item(self, item: Any) -> None:
         """Send an intermediate result, which must be picklable."""

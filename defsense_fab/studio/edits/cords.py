@@ -53,17 +53,13 @@ def remove_cord(name: str) -> Edit:
 
 
 def take_cords(sensors: Sequence[Sensor]) -> Edit:
-    """Replace all cords by those of the optimizer; their freedoms are kept."""
+    """Replace all cords by those of a layout, and lock them: a build does not change them."""
 
     def change(document: TOMLDocument) -> None:
-        free = {str(row["name"]): row.get("free") for row in rows(document, _KEY)}
         for k in reversed(range(len(rows(document, _KEY)))):
             remove(document, _KEY, k)
         for sensor in sensors:
-            freedoms = free.get(sensor.name, ["path"])
-            if not sensor.curve.is_planar and freedoms is not None:
-                freedoms = [word for word in freedoms if word in ("path", "ends")]
-            add_cord(sensor.name, sensor.plane, sensor.curve, freedoms or ()).change(document)
+            add_cord(sensor.name, sensor.plane, sensor.curve).change(document)
         design: Any = document.get("design", {})
         if "sensors" in design and design["sensors"] <= len(sensors):
             design.pop("sensors")  # all of them are drawn now
@@ -187,6 +183,28 @@ def set_freedoms(name: str, free: Sequence[str]) -> Edit:
 
     action = f"free {' and '.join(freedoms)} of" if freedoms else "lock"
     return Edit(f"{action} `{name}`", change)
+
+
+def lock_cords() -> Edit:
+    """Lock all cords and add none, so that a build contains the cords as drawn."""
+
+    def change(document: TOMLDocument) -> None:
+        for cord in rows(document, _KEY):
+            if "free" in cord:
+                cord["free"] = strings(())
+        document.get("design", {}).pop("sensors", None)
+
+    return Edit("lock all cords", change)
+
+
+def unlock_cords() -> Edit:
+    """Let a search move all cords: their path, and the plane of cords in a plane."""
+
+    def change(document: TOMLDocument) -> None:
+        for cord in rows(document, _KEY):
+            cord["free"] = strings(("path", "plane") if "plane" in cord else ("path",))
+
+    return Edit("unlock all cords", change)
 
 
 def mirror_cord(name: str, to: str, origin: Float, normal: Float) -> Edit:

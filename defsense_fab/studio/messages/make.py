@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
+from msgspec import field
+
 from ...workflow.view import Event, Problem, Record, Request, Result
 
 StepView = Literal["plates", "exploded", "cords", "joint", "assembled"]
@@ -20,6 +22,11 @@ class MakeState(Event, frozen=True, kw_only=True):
         build_obstacle: Why the parts cannot be built; empty if they can.
         export_obstacle: Why there is nothing to export; empty if there is.
         problem: Why the last build failed, or None.
+        cords: Which cords the parts contain, in a sentence; empty without parts.
+        are_cords_drawn: Whether Sensors shows these cords.
+        error: Expected error of the parts, mm; None without parts.
+        in_use: Their error in use, mm, and the limits of 90 % of built devices, (3,); empty without
+            parts.
     """
 
     code: Literal["not-built", "outdated", "other-options", "up-to-date"]
@@ -28,6 +35,10 @@ class MakeState(Event, frozen=True, kw_only=True):
     build_obstacle: str
     export_obstacle: str
     problem: Problem | None = None
+    cords: str = ""
+    are_cords_drawn: bool = True
+    error: float | None = None
+    in_use: list[float] = field(default_factory=list)
 
 
 class PartState(Record, frozen=True, kw_only=True):

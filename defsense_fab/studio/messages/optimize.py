@@ -9,9 +9,9 @@ from msgspec import field
 from ...workflow.view import Event, Record, Request
 
 Standing = Literal[
-    "not-ready", "never-searched", "searching", "optimized", "drawn-differ", "outdated"
+    "not-ready", "never-searched", "locked", "searching", "optimized", "drawn-differ", "outdated"
 ]
-Role = Literal["drawn", "built", "candidate", "by-eye", "studied"]
+Role = Literal["drawn", "built", "candidate", "by-eye", "studied", "earlier"]
 
 
 class GhostCord(Record, frozen=True, kw_only=True):
@@ -30,13 +30,14 @@ class OptimizeState(Event, frozen=True, kw_only=True):
     """What is true of the drawn and of the optimized cords.
 
     Attributes:
-        standing: What the sentence says: nothing can be searched yet, no search has run, one runs,
-            the drawn cords are the optimized ones, they differ from them, or the body, the poses
-            or the material have changed since.
+        standing: What the sentence says: nothing can be searched yet, no search has moved the
+            drawn cords, all are locked, a search runs, the drawn cords are the optimized ones,
+            they differ from them, or the body, the poses or the material have changed since.
         text: The sentence.
         obstacle: Why no search can start, or why it would find the same; empty if one can.
         drawn: Expected error of the drawn cords, mm; None if it cannot be predicted.
-        built: Expected error of the optimized cords, mm; None before a search.
+        built: Expected error of the cords of the last build or search, mm; None without one.
+        is_built_moved: Whether a search has moved or added those.
     """
 
     standing: Standing
@@ -44,6 +45,7 @@ class OptimizeState(Event, frozen=True, kw_only=True):
     obstacle: str
     drawn: float | None = None
     built: float | None = None
+    is_built_moved: bool = False
 
 
 class SearchedPose(Record, frozen=True, kw_only=True):
@@ -91,7 +93,7 @@ class LayoutRow(Record, frozen=True, kw_only=True):
 
     Attributes:
         name: Unique name of the layout.
-        role: Which layout it is.
+        role: Which layout it is; the numbers of an earlier one are of an earlier design.
         is_drawn: Whether the drawn cords are those of the layout.
         error: Error in unseen states, mm.
         trained: Error expected after training, with the memory of the cords, mm.
@@ -180,6 +182,10 @@ class UseLayout(Request, frozen=True, kw_only=True):
 
 class UseBest(Request, frozen=True, kw_only=True):
     """End the search if it runs, and replace the drawn cords by its best ones."""
+
+
+class UnlockCords(Request, frozen=True, kw_only=True):
+    """Let the search move all cords."""
 
 
 class CompareLayouts(Request, frozen=True, kw_only=True):

@@ -57,8 +57,9 @@ class Judgement(Record, frozen=True, kw_only=True):
     """The error expected of cords, and the limits that they break.
 
     Attributes:
-        error: RMSE in unseen states, mm; None without cords, or if it cannot be predicted.
-        trained: RMSE after training, with the memory of the cords, mm; None if not computed.
+        error: Expected error, mm; None without cords, or if it cannot be predicted.
+        trained: Error in use (after training, with the memory of the cords), mm; None if not
+            computed.
         decoder: The decoder.
         poses: Expectations by pose.
         cords: Numbers of the cords.
@@ -85,6 +86,7 @@ class Prediction(Event, frozen=True, kw_only=True):
         drawn: Judgement of the drawn cords; None if not ready.
         drawn_problem: Why it is missing.
         built: Error of the cords of the last build, mm; None without a build.
+        built_in_use: Their error in use, mm; None without a build.
         is_built_drawn: Whether the built cords are the drawn ones.
     """
 
@@ -94,6 +96,7 @@ class Prediction(Event, frozen=True, kw_only=True):
     drawn: Judgement | None = None
     drawn_problem: Problem | None = None
     built: float | None = None
+    built_in_use: float | None = None
     is_built_drawn: bool = False
 
 

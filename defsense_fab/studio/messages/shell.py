@@ -206,9 +206,18 @@ class RenameDevice(Request, frozen=True, kw_only=True):
 
 
 class StartBuild(Request, frozen=True, kw_only=True):
-    """Build the device up to a stage in the background."""
+    """Build the device up to a stage in the background.
+
+    Building the parts is refused with the code "cords-undecided" if the build would move the drawn
+    cords.
+
+    Attributes:
+        stage: The stage.
+        cords: Whether the drawn cords are built as they are, and locked for it.
+    """
 
     stage: Stage
+    cords: Literal["ask", "as-drawn"] = "ask"
 
 
 class PauseJob(Request, frozen=True, kw_only=True):

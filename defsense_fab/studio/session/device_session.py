@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.device.device import Device
+from ...core.device.device import Device, Sensor
 from ...core.errors import DefsenseError, StorageError
 from ...core.mesh import Surface
 from ...workflow.build.build import freshness
@@ -28,7 +28,7 @@ from .job_strip import JobStrip, Work
 _TITLES: dict[str, str] = {
     "mesh": "Mesh the body",
     "simulate": "Simulate the poses",
-    "optimize": "Optimize the sensors",
+    "optimize": "Optimize the {noun}s",
     "report": "Build the parts",
 }
 _DEFAULT_SIZE_MM = 100.0  # of the scene while there is no body
@@ -54,6 +54,7 @@ class DeviceSession:
         judge: Predicts the error of cords; None until the poses are simulated.
         freshness: State of each stage of the build: "current", "old" or "missing".
         build_error: Error of the last build, or None.
+        taken_layouts: Cords of layouts of a search that were drawn in this session.
         on_device_changed: Called after a change of `device.toml`.
         on_build_loaded: Called after a build, successful or not, and after a change of the body
             or the judge.
@@ -75,6 +76,7 @@ class DeviceSession:
         self.judge: LayoutJudge | None = None
         self.freshness: dict[str, str] = {}
         self.build_error: DefsenseError | None = None
+        self.taken_layouts: list[tuple[Sensor, ...]] = []
         self.on_device_changed: list[Callable[[], None]] = []
         self.on_build_loaded: list[Callable[[], None]] = []
         self.on_build_started: list[Callable[[], None]] = []
@@ -164,7 +166,7 @@ class DeviceSession:
         self.jobs.start(
             Work(
                 name="build",
-                title=_TITLES[stage],
+                title=_TITLES[stage].format(noun=self.device.cord.noun),
                 job=run_build,
                 arguments=(self.project.folder, stage),
                 on_end=self._end_build,

@@ -148,6 +148,7 @@ class JobStrip:
         self._show(Job(**{**now, **values}))
 
     def _show_progress(self, share: float, message: str) -> None:
+        share = max(share, self.job.share)  # a bar that goes back is no measure
         self._change(state="running", share=share, message=message)
 
     def _show_pause(self, is_paused: bool) -> None:

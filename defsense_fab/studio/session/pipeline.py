@@ -18,6 +18,7 @@ class Progress:
         poses: Number of poses.
         cords: Number of drawn cords.
         proposed: Number of cords that the optimizer adds.
+        can_move: Whether the optimizer may move or add cords.
         has_violations: Whether the drawn cords break a limit.
         is_optimized: Whether the drawn cords are those that the last search found.
         noun: What one sensor is called.
@@ -29,6 +30,7 @@ class Progress:
     poses: int
     cords: int
     proposed: int
+    can_move: bool
     has_violations: bool
     is_optimized: bool
     noun: str
@@ -74,7 +76,7 @@ def next_action(p: Progress) -> NextAction:
             hint=f"A {p.noun} breaks a limit, and the parts cannot be made",
             step="sensors",
         )
-    if _state(p, "optimize") != "current" and not p.is_optimized:
+    if _state(p, "optimize") != "current" and not p.is_optimized and p.can_move:
         return NextAction(
             label=f"Optimize the {p.noun}s",
             hint=f"Move the {p.noun}s that are not locked to reduce the error",
@@ -142,6 +144,8 @@ def _optimize(p: Progress) -> tuple[StepState, str]:
     if not p.cords and not p.proposed:
         return "blocked", f"Add a {p.noun} first"
     state = _state(p, "optimize")
+    if not p.can_move:
+        return "done", f"All {p.noun}s are locked: the parts contain them as drawn"
     if state == "old" and p.is_optimized:
         return "done", f"The drawn {p.noun}s are the optimized ones"
     if state == "old":
@@ -166,7 +170,7 @@ def _measure(p: Progress) -> tuple[StepState, str]:
     if p.has_model:
         return "done", "A model is trained"
     if _state(p, "optimize") == "missing":
-        return "blocked", f"Optimize the {p.noun}s first"
+        return "blocked", f"Optimize the {p.noun}s first" if p.can_move else "Build the parts first"
     return "ready", "No model is trained yet"
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from ...core.curve import Hermite, catmull_rom, sample_path
 from ...core.device.device import Sensor
 from ...core.errors import DefsenseError, DeviceError, LayoutError
-from ...workflow.build.results import has_layout
 from ...workflow.design.draw_cord import Snapper, fit_stroke, plane_section
 from ...workflow.design.layout_judge import JudgedLayout, LayoutCheck, LayoutJudge
 from ...workflow.view import Client, Problem, Request
@@ -19,6 +18,7 @@ from ..background.latest_worker import LatestWorker
 from ..edits import cords as edits
 from ..edits.edit import Edit, free_name
 from ..messages import sensors as messages
+from ..session.built_cords import built_cords
 from ..session.cord_states import is_smooth, path_points, plane_of, rounded
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
@@ -290,26 +290,18 @@ class SensorsStep(Step):
             self._publish(drawn=full, drawn_problem=problem)
 
     def _publish(self, **values: Any) -> None:
-        built, is_drawn = self._built()
+        built = built_cords(self.session.results)
+        drawn_cords = self.session.device.sensors
         defaults = {"is_ready": True, "text": "", "is_computing": False}
         self.prediction = messages.Prediction(
-            **{**defaults, "built": built, "is_built_drawn": is_drawn, **values}
+            built=None if built is None else built.error,
+            built_in_use=None if built is None else built.in_use[0],
+            is_built_drawn=built is not None and _are_equal(built.sensors, drawn_cords),
+            **{**defaults, **values},
         )
         self.session.server.publish(self.prediction)
         drawn = self.prediction.drawn
         self._on_violations(drawn is not None and bool(drawn.violations))
-
-    def _built(self) -> tuple[float | None, bool]:
-        """Return the error of the built cords, and whether they are the drawn ones."""
-        results = self.session.results
-        if not has_layout(results):
-            return None, False
-        try:
-            layout = results.layout
-        except (DefsenseError, OSError):  # a build replaces it, or it is damaged
-            return None, False
-        built = [record.sensor() for record in layout.by_channel()]
-        return layout.prediction.unseen, _are_equal(built, self.session.device.sensors)
 
 
 def judge(

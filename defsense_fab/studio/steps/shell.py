@@ -10,9 +10,11 @@ from ...workflow.train.training import MODEL
 from ...workflow.view import Client, Request
 from ..edits.body import rename_device
 from ..messages import shell
+from ..session.built_cords import can_move_cords
 from ..session.cord_states import cord_states
 from ..session.pipeline import Progress, pipeline
 from ..session.step import Handler, Step
+from .build_request import start_build
 
 
 class ShellStep(Step):
@@ -40,7 +42,7 @@ class ShellStep(Step):
             shell.PauseJob: handler(jobs.pause),
             shell.ResumeJob: handler(jobs.resume),
             shell.CancelJob: handler(jobs.cancel),
-            shell.StartBuild: lambda _, request: session.build(request.stage),
+            shell.StartBuild: lambda _, request: start_build(session, request),
             shell.Answer: lambda _, request: session.answer(run=request.run),
             shell.RenameDevice: self._rename,
         }
@@ -98,6 +100,7 @@ class ShellStep(Step):
                     poses=len(device.poses),
                     cords=len(device.sensors),
                     proposed=device.propose,
+                    can_move=can_move_cords(device),
                     has_violations=self.has_violations,
                     is_optimized=self.is_optimized,
                     noun=device.cord.noun,

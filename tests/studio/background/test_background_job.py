@@ -14,7 +14,7 @@ from defsense_fab.studio.background.background_job import (
     BackgroundJob,
     JobReporter,
 )
-from defsense_fab.studio.background.build_job import run_build
+from defsense_fab.studio.background.build_job import BuildProgress, run_build
 
 TIMEOUT_S = 600.0
 
@@ -48,6 +48,39 @@ def test_reports_wait_while_the_job_is_paused():
 def test_a_paused_job_ends_if_the_studio_is_gone():
     with pytest.raises(EOFError):
         JobReporter(Pipe(PAUSE)).progress(0.5, "half")
+
+
+def test_the_progress_of_stages_does_not_decrease():
+    pipe = Pipe()
+    reporter = JobReporter(pipe)
+    for stage, share in (("process", 0.5), ("process", 1.0), ("train", 0.0), ("train", 1.0)):
+        reporter.stage_progress(stage, share, "at work")
+    shares = [share for _, (share, _) in pipe.sent]
+    assert shares == sorted(shares)
+    assert 0 < shares[0] < shares[-1] < 1
+    assert pipe.sent[-1][1][1] == "train: at work"
+
+
+def test_the_progress_of_a_build_counts_all_of_its_stages_and_names_them():
+    progress = BuildProgress({"simulate": "simulate the poses", "optimize": "optimize the layout"})
+    reports = [
+        progress.report(*report)
+        for report in (
+            ("body", 1.0, "done"),
+            ("simulate", 0.5, "3 of 6"),
+            ("simulate", 1.0, "done"),
+            ("optimize", 0.0, "optimize the layout"),
+            ("optimize", 0.9, "making layout 4 on trial"),
+            ("optimize", 0.3, "stiffness"),
+            ("optimize", 1.0, "done"),
+        )
+    ]
+    shares = [share for share, _ in reports]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    assert 0 < shares[1] < shares[2] == shares[3] < 0.5
+    assert reports[1][1] == "Stage 1 of 2, simulate the poses: 3 of 6"
+    assert reports[3][1] == "Stage 2 of 2, optimize the layout"
 
 
 def count(reporter, limit):

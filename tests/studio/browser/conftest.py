@@ -70,6 +70,10 @@ class Studio:
         self._poll = threading.Thread(target=self._follow, daemon=True)
         self._poll.start()
 
+    def show_error(self, error):
+        """Show an error in all browsers, as failed work does."""
+        self._app.device.session.show_error(error)
+
     def close(self):
         """End the studio and all of its work."""
         self._stop.set()

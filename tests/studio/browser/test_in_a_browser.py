@@ -8,6 +8,7 @@ import shutil
 import pytest
 
 from defsense_fab.core.device.device_file import DEVICE, load_device
+from defsense_fab.core.errors import LayoutError, MeshingError
 from tests.studio.browser.conftest import PHONE, until
 from tests.studio.browser.screens import dismiss_introduction, enter, inspector, step_button
 
@@ -226,6 +227,30 @@ def test_a_name_with_markup_is_shown_as_text(open_sensors, folder):
     page.reload()
     expect(field).to_have_value(name)
     assert page.evaluate("window.wasRun") is None
+
+
+def test_errors_use_the_labels_of_the_page_and_offer_what_cures_them(open_sensors, studio, folder):
+    page = open_sensors()
+    alert = page.get_by_role("region", name="Messages").get_by_role("alert")
+    studio.show_error(
+        LayoutError(
+            "no layout of 9 cords keeps the lengths allowed by [cord] length and min_stretch",
+            code="no-room-for-cords",
+            where="[design] sensors = 9",
+            action="Ask for 3, or draw them as [[sensors]]",
+            key="design.sensors",
+            suggested=3,
+        )
+    )
+    expect(alert).to_contain_text("“Number of cords” = 9: no layout of 9 cords keeps the lengths")
+    expect(alert).to_contain_text("“Length of a cord” and “Smallest stretched length”")
+    expect(alert).to_contain_text("Ask for 3, or draw them in Sensors")
+    alert.get_by_role("button", name="Set “Number of cords” to 3").click()
+    assert until(lambda: load_device(folder).propose == 1)
+    studio.show_error(MeshingError("is too slow", code="slow", action="Raise [mesh] time_limit"))
+    alert.get_by_role("button", name="Show “Time limit of the mesh”").click()
+    expect(step_button(page, "Body")).to_have_attribute("aria-current", "step")
+    expect(page.get_by_label("Time limit of the mesh", exact=True)).to_be_focused()
 
 
 def test_a_phone_has_the_scene_above_a_sheet_with_the_guide(open_page, studio):

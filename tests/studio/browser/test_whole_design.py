@@ -142,6 +142,14 @@ def test_a_device_is_designed_and_exported(design, tmp_path):
         design.cords(count)
     person.press("Escape")
 
+    person.click(step_button(page, "Make"))
+    person.click(page.get_by_role("button", name="Build the parts"))
+    question = page.get_by_role("dialog", name="Which cords should the parts contain?")
+    question.get_by_role("button", name="Build these cords as drawn").wait_for()
+    person.press("Escape")
+    question.wait_for(state="detached")
+    assert all(sensor.free for sensor in design.device.sensors)
+
     person.click(design.next("Optimize the cords"))
     person.click(design.button("Use the optimized cords"))
     page.get_by_text("The drawn cords are the optimized ones").wait_for()

@@ -14,7 +14,9 @@ TIMEOUT_S = 60.0
 
 @pytest.fixture
 def strip():
-    strip = JobStrip(lambda event: None)
+    shares = []
+    strip = JobStrip(lambda event: shares.append(event.share))
+    strip.shares = shares
     yield strip
     strip.close()
 
@@ -38,3 +40,14 @@ def test_a_job_that_gives_way_is_canceled_by_the_next_one(strip):
 
 def sleep(_, seconds):
     time.sleep(seconds)
+
+
+def test_the_bar_of_a_job_does_not_go_back(strip):
+    strip.start(Work(name="build", title="Build", job=report_back))
+    assert strip.wait(TIMEOUT_S)
+    assert strip.shares == sorted(strip.shares)
+
+
+def report_back(reporter):
+    for share in (0.2, 0.7, 0.3):
+        reporter.progress(share, "at work")

@@ -10,7 +10,8 @@ STAGES = ("body", "mesh", "simulate", "optimize", "fabricate", "report")
 def progress(current=(), old=(), **values):
     freshness = {s: "current" if s in current else "old" if s in old else "missing" for s in STAGES}
     defaults = {
-        "has_body": True, "poses": 2, "cords": 2, "proposed": 0, "has_violations": False,
+        "has_body": True, "poses": 2, "cords": 2, "proposed": 0, "can_move": True,
+        "has_violations": False,
         "is_optimized": False, "noun": "cord", "has_model": False,
     }  # fmt: skip
     return Progress(freshness=freshness, **{**defaults, **values})
@@ -33,6 +34,7 @@ def states(p):
         (progress(STAGES[:4]), "make", "report"),
         (progress(STAGES), "measure", None),
         (progress((), STAGES), "poses", "simulate"),
+        (progress(STAGES[:3], can_move=False), "make", "report"),
         (progress(STAGES[:3], STAGES[3:]), "optimize", "optimize"),
         (progress(STAGES[:3], STAGES[3:], is_optimized=True), "make", "report"),
     ],

@@ -109,6 +109,24 @@ def test_only_files_of_the_build_are_sent(empty_app):
 
 
 @pytest.mark.slow
+def test_the_parts_state_that_their_cords_are_those_of_a_layout(made_app):
+    app = made_app
+    step, server = make_step(app), app.server
+    assert server.events[messages.MakeState].cords.startswith("The parts contain the drawn cords")
+    app.session.taken_layouts.append(app.session.device.sensors)
+    step.on_device_changed()
+    make_step(app)
+    state = server.events[messages.MakeState]
+    assert state.cords.startswith("The parts contain the optimized layout of 2 parts")
+    assert state.are_cords_drawn
+    low, high = state.in_use[1:]
+    assert low < state.in_use[0] < high
+    app.browser.ask("delete-cords", cords=["left"])
+    make_step(app)
+    assert not server.events[messages.MakeState].are_cords_drawn
+
+
+@pytest.mark.slow
 def test_parts_and_steps_are_those_of_the_guide(made_app):
     app = made_app
     step, server = make_step(app), app.server

@@ -13,8 +13,10 @@ from defsense_fab.report.surface_errors import surface_errors
 from defsense_fab.store.build import Build
 from defsense_fab.studio.background.build_job import CandidateLayout
 from defsense_fab.studio.messages import optimize as messages
+from defsense_fab.studio.steps.optimize.layout_rows import earlier_layouts
 from defsense_fab.studio.steps.optimize.standing import Facts, optimize_state
 from defsense_fab.studio.steps.optimize.step import OptimizeStep
+from defsense_fab.workflow.design.compare_layouts import ComparedLayout
 from tests.support.errors import raises
 
 TIMEOUT_S = 600.0
@@ -22,12 +24,14 @@ FACTS = Facts(
     noun="cord",
     has_poses=True,
     has_cords=True,
+    can_move=True,
     is_simulated=True,
     is_searching=False,
     best=None,
     drawn=14.731,
     built=None,
     is_built_drawn=False,
+    is_built_moved=True,
     is_current=False,
 )
 
@@ -52,10 +56,12 @@ def bent(sensor, distance):
         ({"has_poses": False}, "not-ready", "pose"),
         ({"has_cords": False}, "not-ready", "cord"),
         ({}, "never-searched", "14.73 mm"),
-        ({"is_searching": True}, "searching", "not found"),
+        ({"is_searching": True}, "searching", "are found yet"),
         ({"is_searching": True, "best": 0.5}, "searching", "0.50 mm"),
         ({"built": 0.49, "is_simulated": False}, "outdated", "0.49 mm"),
         ({"built": 0.49, "is_built_drawn": True}, "optimized", "0.49 mm"),
+        ({"built": 0.49, "is_built_drawn": True, "is_built_moved": False}, "never-searched", "not"),
+        ({"can_move": False}, "locked", "14.73 mm"),
         ({"built": 0.49}, "drawn-differ", "14.73 mm"),
         ({"built": 0.49, "is_current": True}, "drawn-differ", "started from"),
         ({"built": 0.49, "drawn": None}, "drawn-differ", "are different."),
@@ -65,8 +71,8 @@ def test_the_sentence_says_what_is_true(changes, standing, words):
     state = optimize_state(replace(FACTS, **changes))
     assert state.standing == standing
     assert words in state.text
-    can_search = standing not in ("not-ready", "searching") and not changes.get("is_current")
-    assert (state.obstacle == "") == can_search
+    is_impossible = standing in ("not-ready", "locked", "searching")
+    assert (state.obstacle == "") == (not is_impossible and not changes.get("is_current"))
 
 
 def test_the_best_layout_of_a_search_is_published_used_and_undone(app):
@@ -134,7 +140,7 @@ def test_layouts_are_compared_and_one_is_used(made_app):
     assert built.is_drawn  # the cords are locked, so that the build has the same ones
     assert built.parts == 2
     assert built.trained_low < built.trained < built.trained_high
-    assert server.events[messages.OptimizeState].standing == "optimized"
+    assert server.events[messages.OptimizeState].standing == "locked"
     assert server.events[messages.Layouts].compare_seconds > 0
     app.browser.ask("compare-layouts")
     assert step.session.jobs.wait(TIMEOUT_S)
@@ -181,3 +187,36 @@ def test_the_error_map_has_the_numbers_of_the_report(made_app):
     np.testing.assert_allclose(sent.arrays["error"], errors.error[k], atol=1e-5)
     with raises(StorageError, "unknown-state"):
         app.browser.ask("error-map-of", state="wave@1")
+
+
+def test_layouts_of_an_earlier_build_are_kept_and_marked(app):
+    step, server = optimize_step(app), app.server
+    session, sensors = step.session, step.session.device.sensors
+    searched = [
+        ComparedLayout(name, tuple(bent(s, mm) for s in sensors), error, parts=4, is_built=is_built)
+        for name, mm, error, is_built in (("simplest", 1.0, 0.8, False), ("best", 2.0, 0.5, True))
+    ]
+    step.layouts.extend(searched)
+    (session.project.folder / "build" / "layout.json").unlink()
+    session.load()
+    optimize_step(app)
+    rows = {row.name: row for row in server.events[messages.Layouts].rows if row.role == "earlier"}
+    assert list(rows) == ["earlier: best", "earlier: simplest"]
+    assert (rows["earlier: best"].error, rows["earlier: best"].parts) == (0.5, 4)
+    app.browser.ask("use-layout", name="earlier: simplest")
+    optimize_step(app)
+    rows = server.events[messages.Layouts].rows
+    assert [row.name for row in rows if row.role == "earlier"] == ["earlier: best"]
+    assert rows[0].is_drawn
+    assert rows[0].error != 0.8  # that of the present design
+
+
+def test_earlier_layouts_have_names_of_their_own(app):
+    sensors = app.session.device.sensors
+    first, second = (
+        ComparedLayout("simplest", tuple(bent(s, mm) for s in sensors), mm) for mm in (1.0, 2.0)
+    )
+    kept = earlier_layouts([first, second, first], (), ())
+    assert [layout.name for layout in kept] == ["earlier: simplest", "earlier: simplest_2"]
+    assert earlier_layouts(kept, [second], ()) == kept[:1]
+    assert earlier_layouts(kept, (), first.sensors) == kept[1:]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...session.built_cords import BuiltCords
+
 
 @dataclass(frozen=True)
 class BuildState:
@@ -16,6 +18,9 @@ class BuildState:
         error: Error of the last build, or None.
         changes: Options of the plates that have changed since the build; empty for none.
         options: Options of the command with which up-to-date parts were built; empty for none.
+        noun: What one sensor is called.
+        cords: The cords of the parts, or None.
+        are_cords_drawn: Whether these are the drawn ones.
     """
 
     is_built: bool
@@ -23,6 +28,9 @@ class BuildState:
     error: str | None = None
     changes: str = ""
     options: str = ""
+    noun: str = "cord"
+    cords: BuiltCords | None = None
+    are_cords_drawn: bool = True
 
     @property
     def code(self) -> str:

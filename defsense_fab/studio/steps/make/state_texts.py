@@ -16,6 +16,7 @@ def make_state(state: BuildState, build_obstacle: str, problem: Problem | None) 
         problem: Why the last build failed, or None.
     """
     text, detail = _texts(state)
+    cords = state.cords if state.is_built else None
     obstacles = {
         "not-built": "There is nothing to export before the parts are built",
         "outdated": "The parts belong to an earlier device: build them first",
@@ -27,7 +28,26 @@ def make_state(state: BuildState, build_obstacle: str, problem: Problem | None) 
         build_obstacle=build_obstacle,
         export_obstacle=obstacles.get(state.code, ""),
         problem=problem,
+        cords=_cords_text(state),
+        are_cords_drawn=state.are_cords_drawn,
+        error=cords.error if cords is not None else None,
+        in_use=list(cords.in_use) if cords is not None else [],
     )
+
+
+def _cords_text(state: BuildState) -> str:
+    """Return which cords the parts contain, and whether Sensors shows them."""
+    cords, noun = state.cords, state.noun
+    if not state.is_built or cords is None:
+        return ""
+    if not cords.is_moved:
+        contained = f"The parts contain the drawn {noun}s"
+    else:
+        count = "" if cords.parts is None else f" of {cords.parts} parts"
+        contained = f"The parts contain the optimized layout{count}"
+    if state.are_cords_drawn:
+        return f"{contained}, as Sensors shows them now."
+    return f"{contained}. Sensors shows other {noun}s now."
 
 
 def _texts(state: BuildState) -> tuple[str, str]:
@@ -43,7 +63,7 @@ def _texts(state: BuildState) -> tuple[str, str]:
         )
     if state.options:
         return (
-            "The parts are up to date, with other options than device.toml.",
+            "The parts are up to date, with other options than those of the device.",
             f"They were built with {state.options}. To keep these options, set them under"
             " [fabrication] in device.toml.",
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from dataclasses import replace
 
 from ....core.errors import DefsenseError, StorageError
 from ....core.storage.files import read_regular
@@ -16,8 +17,10 @@ from ....workflow.view import Arrays, Client, Download, Problem, Request
 from ...background.background_job import CANCELLED
 from ...background.latest_worker import LatestWorker
 from ...messages import make as messages
+from ...session.built_cords import built_cords
 from ...session.device_session import DeviceSession
 from ...session.step import Handler, Step
+from ..optimize.ghost_cords import are_same
 from .assembly_ticks import AssemblyTicks
 from .build_state import BuildState
 from .guide_content import (
@@ -154,12 +157,20 @@ class MakeStep(Step):
         error = session.build_error
         if error is not None and error.code == CANCELLED:
             error = None
+        cords = built_cords(session.results)
+        if cords is not None and any(
+            are_same(cords.sensors, taken) for taken in session.taken_layouts
+        ):
+            cords = replace(cords, is_moved=True)  # by the search that found them
         state = BuildState(
             is_built=self.guide is not None,
             outdated_stage=None if stage is None else stage.title,
             error=None if error is None else str(error),
             changes="" if stage is None else describe_changes(device, folder),
             options="" if stage is not None else str(recorded_options(device, folder)),
+            noun=device.cord.noun,
+            cords=cords,
+            are_cords_drawn=cords is None or are_same(cords.sensors, device.sensors),
         )
         problem = None if error is None else Problem.of(error)
         self.state = make_state(state, self._build_obstacle(), problem)

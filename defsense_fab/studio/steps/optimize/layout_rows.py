@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ....core.device.device import Device, Sensor
 from ....core.errors import DefsenseError
@@ -12,10 +12,13 @@ from ....workflow.build.results import Build
 from ....workflow.design.compare_layouts import DRAWN, VISUAL, ComparedLayout
 from ....workflow.design.layout_judge import LayoutJudge
 from ....workflow.fabrication.print_time import print_hours
+from ...edits.edit import free_name
 from ...messages.optimize import LayoutRow, Role
 from .comparison_job import by_error
 from .ghost_cords import are_same, ghost_cords
 
+EARLIER = "earlier: "  # start of the names of layouts of an earlier design
+_MAX_EARLIER = 6
 _MAX_INLET_MM = 1e3  # an inlet that does not leave the body is infinite
 
 
@@ -42,6 +45,30 @@ def without_outdated(
     if any(are_same(layout.sensors, drawn) for layout in others):
         return others
     return [x for x in layouts if x.name != DRAWN or are_same(x.sensors, drawn)]
+
+
+def earlier_layouts(
+    before: Sequence[ComparedLayout], now: Sequence[ComparedLayout], drawn: Sequence[Sensor]
+) -> list[ComparedLayout]:
+    """Return the layouts that another build has replaced, the most accurate ones.
+
+    Args:
+        before: Layouts of earlier builds.
+        now: Layouts of the present build.
+        drawn: The drawn cords, which have a row of their own.
+    """
+    kept: list[ComparedLayout] = []
+    for layout in by_error(before):
+        others = (drawn, *(other.sensors for other in (*now, *kept)))
+        is_new = not any(are_same(layout.sensors, sensors) for sensors in others)
+        if is_new and layout.sensors and layout.problem is None:
+            kept.append(layout)
+    kept = kept[:_MAX_EARLIER]
+    names: list[str] = []
+    for layout in kept:
+        name = layout.name if layout.name.startswith(EARLIER) else f"{EARLIER}{layout.name}"
+        names.append(free_name(name, names))
+    return [replace(x, is_built=False, name=n) for x, n in zip(kept, names, strict=True)]
 
 
 def compared_drawn(context: RowContext, layouts: Sequence[ComparedLayout]) -> ComparedLayout | None:
@@ -85,12 +112,12 @@ def is_complete(layouts: Sequence[ComparedLayout]) -> bool:
 
 def _row(context: RowContext, layout: ComparedLayout, is_drawn: bool) -> LayoutRow:
     trained = layout.trained or (math.nan, math.nan, math.nan)
-    hours = None
+    role, hours = _role(layout), None
     if layout.parts is not None and context.volume is not None:
         hours = print_hours(context.device.fabrication, context.volume, layout.parts)
     return LayoutRow(
         name=layout.name,
-        role=_role(layout),
+        role=role,
         is_drawn=is_drawn,
         error=_finite(layout.error),
         trained=_finite(trained[0]),
@@ -98,7 +125,7 @@ def _row(context: RowContext, layout: ComparedLayout, is_drawn: bool) -> LayoutR
         trained_high=_finite(trained[2]),
         parts=layout.parts,
         print_hours=hours,
-        length=_length(context.judge, layout.sensors),
+        length=None if role == "earlier" else _length(context.judge, layout.sensors),
         planes=layout.planes,
         cords=ghost_cords(layout.sensors),
         notes=list(layout.warnings),
@@ -107,6 +134,8 @@ def _row(context: RowContext, layout: ComparedLayout, is_drawn: bool) -> LayoutR
 
 
 def _role(layout: ComparedLayout) -> Role:
+    if layout.name.startswith(EARLIER):
+        return "earlier"
     if layout.is_built:
         return "built"
     if layout.is_studied:

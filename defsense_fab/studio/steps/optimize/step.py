@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from ....core.device.device import Sensor
 from ....core.errors import DefsenseError, LayoutError, StorageError
-from ....workflow.build.results import has_layout, layout_digest
+from ....workflow.build.results import layout_digest
 from ....workflow.design.compare_layouts import (
     ComparedLayout,
     estimate_seconds,
@@ -17,8 +17,9 @@ from ....workflow.design.compare_layouts import (
 from ....workflow.study.cord_count import studied_layouts
 from ....workflow.view import Arrays, Client, Request
 from ...background.latest_worker import LatestWorker
-from ...edits.cords import take_cords
+from ...edits.cords import take_cords, unlock_cords
 from ...messages import optimize as messages
+from ...session.built_cords import built_cords, can_move_cords
 from ...session.device_session import DeviceSession
 from ...session.job_strip import Work
 from ...session.step import Handler, Step
@@ -29,6 +30,7 @@ from .layout_rows import (
     RowContext,
     body_volume,
     compared_drawn,
+    earlier_layouts,
     is_complete,
     layout_rows,
     without_outdated,
@@ -64,6 +66,7 @@ class OptimizeStep(Step):
         self._on_optimized = on_optimized
         self.watch = SearchWatch(session, self._publish_state)
         self.layouts: list[ComparedLayout] = []
+        self._earlier: list[ComparedLayout] = []
         self.state: messages.OptimizeState | None = None
         self.rows: messages.Layouts | None = None
         self._map = ErrorMap()
@@ -79,6 +82,7 @@ class OptimizeStep(Step):
             messages.ErrorMapOf: self._error_map,
             messages.UseLayout: self._use_layout,
             messages.UseBest: self._use_best,
+            messages.UnlockCords: lambda _, __: self.session.apply(unlock_cords()),
             messages.CompareLayouts: self._compare,
         }
 
@@ -110,7 +114,8 @@ class OptimizeStep(Step):
 
     def _use_layout(self, _: Client, request: messages.UseLayout) -> None:
         with self._lock:
-            layout = next((x for x in self.layouts if x.name == request.name), None)
+            known = [*self.layouts, *self._earlier]
+            layout = next((x for x in known if x.name == request.name), None)
         if layout is None or not layout.sensors:
             raise LayoutError(
                 f"there is no layout {request.name!r} any more",
@@ -123,15 +128,16 @@ class OptimizeStep(Step):
         best = self.watch.record.best
         if best is None:
             raise LayoutError(
-                "the search has not found cords within all limits yet",
+                "no cords within all limits are found yet",
                 code="no-cords-found",
-                action="Wait until it finds some",
+                action="Wait until some are found",
             )
         if self.watch.search.state == "running":
             self.session.jobs.cancel()
         self._use(best.sensors, "use the best cords of the search")
 
     def _use(self, sensors: Sequence[Sensor], name: str) -> None:
+        self.session.taken_layouts.append(tuple(sensors))
         self.session.apply(replace(take_cords(sensors), name=name))
 
     def _compare(self, _: Client, __: messages.CompareLayouts) -> None:
@@ -171,6 +177,7 @@ class OptimizeStep(Step):
             current, layouts = None, []
         with self._lock:
             if current is None or current != self._digest:
+                self._earlier = [*self._earlier, *self.layouts]
                 self._digest, self.layouts = current, layouts
             # else another stage was built: the comparison is still valid
         if build is not self._map.build:
@@ -183,10 +190,12 @@ class OptimizeStep(Step):
         with self._lock:
             self.layouts = without_outdated(self.layouts, session.device.sensors)
             layouts = list(self.layouts)
+            self._earlier = earlier_layouts(self._earlier, layouts, ())
+            earlier = earlier_layouts(self._earlier, (), session.device.sensors)
         as_drawn = compared_drawn(context, layouts)
         if as_drawn is not None:
             layouts.insert(0, as_drawn)
-        rows = layout_rows(context, layouts)
+        rows = [*layout_rows(context, layouts), *layout_rows(context, earlier)]
         self._drawn_error = next((row.error for row in rows if row.is_drawn), None)
         self.rows = messages.Layouts(
             rows=rows, compare_seconds=self._compare_seconds(layouts), obstacle=self._obstacle()
@@ -196,26 +205,22 @@ class OptimizeStep(Step):
 
     def _publish_state(self) -> None:
         session, search = self.session, self.watch.search
-        device, built, is_drawn = session.device, None, False
-        if has_layout(session.results):
-            try:
-                layout = session.results.layout
-                built = layout.prediction.unseen
-                is_drawn = are_same([c.sensor() for c in layout.sensors], device.sensors)
-            except (DefsenseError, OSError):  # a build replaces it, or it is damaged
-                built = None
+        device, built = session.device, built_cords(session.results)
+        is_drawn = built is not None and are_same(built.sensors, device.sensors)
         is_searching = search.state == "running"
         self.state = optimize_state(
             Facts(
                 noun=device.cord.noun,
                 has_poses=bool(device.poses),
                 has_cords=bool(device.sensors) or bool(device.propose),
+                can_move=can_move_cords(device),
                 is_simulated=session.freshness.get("simulate") == "current",
                 is_searching=is_searching,
                 best=search.best,
                 drawn=search.drawn if is_searching else self._drawn_error,
-                built=built,
+                built=None if built is None else built.error,
                 is_built_drawn=is_drawn,
+                is_built_moved=built is not None and built.is_moved,
                 is_current=session.freshness.get("optimize") == "current",
             )
         )
@@ -225,10 +230,10 @@ class OptimizeStep(Step):
     def _obstacle(self) -> str:
         """Return why layouts cannot be compared; empty if they can."""
         if not self.layouts:
-            return "no layouts have been searched for yet"
+            return "the cords have not been optimized yet"
         for stage, text in _STAGE_INPUTS.items():
             if self.session.freshness.get(stage) != "current":
-                return f"{text} changed after the last search"
+                return f"{text} changed after the last optimization"
         return ""
 
     def _compare_seconds(self, layouts: Sequence[ComparedLayout]) -> int:

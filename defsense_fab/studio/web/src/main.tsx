@@ -4,6 +4,7 @@ import { listenForKeys } from "./commands";
 import { livePage, LiveRoot } from "./live/live-root";
 import { Banners } from "./shell/banners";
 import { BrokenPage } from "./shell/broken-page";
+import { CordQuestion } from "./shell/cord-question";
 import { JobStrip } from "./shell/job-strip";
 import { QuestionDialog } from "./shell/question-dialog";
 import { Shell } from "./shell/shell";
@@ -39,6 +40,7 @@ function App() {
       <Screen />
       <JobStrip />
       <QuestionDialog />
+      <CordQuestion />
       <CommandPalette />
       <KeyHelp />
       <ConfirmLayer />

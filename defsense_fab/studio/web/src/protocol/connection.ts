@@ -49,7 +49,11 @@ export class Connection {
   private readonly arrayListeners = new Map<string, Set<(message: ArrayMessage) => void>>();
   private readonly lastArrays = new Map<string, ArrayMessage>();
 
-  constructor(private readonly url: string) {
+  /** `reviver` reads the values of messages, as that of JSON.parse does. */
+  constructor(
+    private readonly url: string,
+    private readonly reviver?: (this: unknown, key: string, value: unknown) => unknown,
+  ) {
     this.open();
   }
 
@@ -103,7 +107,7 @@ export class Connection {
     return new Promise((resolve, reject) => {
       if (this.socket?.readyState !== WebSocket.OPEN) {
         const text = "The server does not answer";
-        reject(new Refusal({ code: "not-connected", text, message: text, field: "", cord: "" }));
+        reject(new Refusal({ code: "not-connected", text, message: text, field: "", cord: "", suggestion: null }));
         return;
       }
       this.waiting.set(id, { resolve, reject });
@@ -119,7 +123,7 @@ export class Connection {
       this.isLost.value = false;
     };
     socket.onmessage = ({ data }) => {
-      if (typeof data === "string") this.receive(JSON.parse(data));
+      if (typeof data === "string") this.receive(JSON.parse(data, this.reviver));
       else this.receiveArrays(data);
     };
     socket.onclose = () => {

@@ -106,6 +106,7 @@ export interface Protocol {
     | TrainModel
     | TrainOnSimulation
     | Undo
+    | UnlockCords
     | Upload
     | UploadedSurface
     | UseBest
@@ -1026,11 +1027,19 @@ export interface SmoothCord {
 }
 /**
  * Build the device up to a stage in the background.
+ *
+ *     Building the parts is refused with the code "cords-undecided" if the build would move the drawn
+ *     cords.
+ *
+ *     Attributes:
+ *         stage: The stage.
+ *         cords: Whether the drawn cords are built as they are, and locked for it.
  */
 export interface StartBuild {
   kind: "start-build";
   id: number;
   stage: "mesh" | "optimize" | "report" | "simulate";
+  cords: "as-drawn" | "ask";
 }
 /**
  * Check the wiring of the device on its board, step by step.
@@ -1175,6 +1184,13 @@ export interface Undo {
   id: number;
 }
 /**
+ * Let the search move all cords.
+ */
+export interface UnlockCords {
+  kind: "unlock-cords";
+  id: number;
+}
+/**
  * Announce a file, whose parts follow as binary messages that begin with this number.
  *
  *     It is answered once the whole file is received, or refused.
@@ -1293,6 +1309,7 @@ export interface Parameter {
  *         message: What is wrong and what to do, without the place.
  *         field: Dotted name of the key of `device.toml` that is wrong; empty if none is.
  *         cord: Name of the cord that is concerned; empty if none is.
+ *         suggestion: A value of the key that cures it; None if none is known.
  */
 export interface Problem {
   code: string;
@@ -1300,6 +1317,7 @@ export interface Problem {
   message: string;
   field: string;
   cord: string;
+  suggestion: number | null;
 }
 /**
  * The newest body.
@@ -1937,7 +1955,7 @@ export interface Layouts {
  *
  *     Attributes:
  *         name: Unique name of the layout.
- *         role: Which layout it is.
+ *         role: Which layout it is; the numbers of an earlier one are of an earlier design.
  *         is_drawn: Whether the drawn cords are those of the layout.
  *         error: Error in unseen states, mm.
  *         trained: Error expected after training, with the memory of the cords, mm.
@@ -1953,7 +1971,7 @@ export interface Layouts {
  */
 export interface LayoutRow {
   name: string;
-  role: "built" | "by-eye" | "candidate" | "drawn" | "studied";
+  role: "built" | "by-eye" | "candidate" | "drawn" | "earlier" | "studied";
   isDrawn: boolean;
   error: number | null;
   trained: number | null;
@@ -2041,6 +2059,11 @@ export interface LivePage {
  *         build_obstacle: Why the parts cannot be built; empty if they can.
  *         export_obstacle: Why there is nothing to export; empty if there is.
  *         problem: Why the last build failed, or None.
+ *         cords: Which cords the parts contain, in a sentence; empty without parts.
+ *         are_cords_drawn: Whether Sensors shows these cords.
+ *         error: Expected error of the parts, mm; None without parts.
+ *         in_use: Their error in use, mm, and the limits of 90 % of built devices, (3,); empty without
+ *             parts.
  */
 export interface MakeState {
   kind: "make-state";
@@ -2050,6 +2073,10 @@ export interface MakeState {
   buildObstacle: string;
   exportObstacle: string;
   problem: Problem | null;
+  cords: string;
+  areCordsDrawn: boolean;
+  error: number | null;
+  inUse: number[];
 }
 /**
  * What can be chosen: boards, recordings, models and sessions.
@@ -2330,21 +2357,23 @@ export interface Notice {
  * What is true of the drawn and of the optimized cords.
  *
  *     Attributes:
- *         standing: What the sentence says: nothing can be searched yet, no search has run, one runs,
- *             the drawn cords are the optimized ones, they differ from them, or the body, the poses
- *             or the material have changed since.
+ *         standing: What the sentence says: nothing can be searched yet, no search has moved the
+ *             drawn cords, all are locked, a search runs, the drawn cords are the optimized ones,
+ *             they differ from them, or the body, the poses or the material have changed since.
  *         text: The sentence.
  *         obstacle: Why no search can start, or why it would find the same; empty if one can.
  *         drawn: Expected error of the drawn cords, mm; None if it cannot be predicted.
- *         built: Expected error of the optimized cords, mm; None before a search.
+ *         built: Expected error of the cords of the last build or search, mm; None without one.
+ *         is_built_moved: Whether a search has moved or added those.
  */
 export interface OptimizeState {
   kind: "optimize-state";
-  standing: "drawn-differ" | "never-searched" | "not-ready" | "optimized" | "outdated" | "searching";
+  standing: "drawn-differ" | "locked" | "never-searched" | "not-ready" | "optimized" | "outdated" | "searching";
   text: string;
   obstacle: string;
   drawn: number | null;
   built: number | null;
+  isBuiltMoved: boolean;
 }
 /**
  * Which page is shown.
@@ -2590,6 +2619,7 @@ export interface PoseWarning {
  *         drawn: Judgement of the drawn cords; None if not ready.
  *         drawn_problem: Why it is missing.
  *         built: Error of the cords of the last build, mm; None without a build.
+ *         built_in_use: Their error in use, mm; None without a build.
  *         is_built_drawn: Whether the built cords are the drawn ones.
  */
 export interface Prediction {
@@ -2600,14 +2630,16 @@ export interface Prediction {
   drawn: Judgement | null;
   drawnProblem: Problem | null;
   built: number | null;
+  builtInUse: number | null;
   isBuiltDrawn: boolean;
 }
 /**
  * The error expected of cords, and the limits that they break.
  *
  *     Attributes:
- *         error: RMSE in unseen states, mm; None without cords, or if it cannot be predicted.
- *         trained: RMSE after training, with the memory of the cords, mm; None if not computed.
+ *         error: Expected error, mm; None without cords, or if it cannot be predicted.
+ *         trained: Error in use (after training, with the memory of the cords), mm; None if not
+ *             computed.
  *         decoder: The decoder.
  *         poses: Expectations by pose.
  *         cords: Numbers of the cords.
@@ -2968,6 +3000,7 @@ export interface Results {
   "train-model": null;
   "train-on-simulation": null;
   undo: null;
+  "unlock-cords": null;
   upload: null;
   "uploaded-surface": null;
   "use-best": null;

@@ -13,7 +13,7 @@ const TEXTS: Record<StepName, string> = {
   sensors:
     "Draw conductive cords through the body, or let the studio propose them. The expected error follows while you drag.",
   optimize:
-    "A search improves the cords and compares layouts with few and many parts. Choose the one you like.",
+    "Optimize improves the cords and compares layouts with few and many parts. Choose the one you like.",
   make: "Build the parts, print them, cut the cords, and follow the guide step by step to assemble the device.",
   measure:
     "Record a few minutes with the finished device, train its model, and see it move on the screen.",

@@ -8,6 +8,7 @@ import { Button, IconButton } from "../ui/button";
 import { confirm } from "../ui/dialog";
 import { ProgressBar } from "../ui/feedback";
 import { Icon } from "../ui/icons";
+import { RemedyButton } from "./remedy-button";
 
 const LONG_JOB_MS = 60_000; // after which Cancel asks first
 const DONE_MS = 10_000;
@@ -101,6 +102,7 @@ function EndedJob() {
       <span class="job-message ended" role={problem ? "alert" : "status"}>
         {problem ? problem.text : message || "done"}
       </span>
+      {problem && <RemedyButton problem={problem} />}
       <IconButton icon="close" label="Dismiss" onClick={() => (isResultShown.value = false)} />
     </>
   );

@@ -1,3 +1,4 @@
+import { startBuild } from "../state/building";
 import { connection, isJobActive, pipeline } from "../state/connection";
 import { run } from "../state/run";
 import { enterStep, isNextHere } from "../state/step";
@@ -11,7 +12,7 @@ export function doNext(): void {
   if (!next || (next.stage && isJobActive.value)) return;
   if (isNextHere.value) document.querySelector<HTMLElement>(PANEL_BUTTONS)?.focus();
   enterStep(next.step);
-  if (next.stage) void run(connection.send("start-build", { stage: next.stage }));
+  if (next.stage) void startBuild(next.stage);
   else if (next.step === "body") void run(connection.send("make-body", {}));
 }
 

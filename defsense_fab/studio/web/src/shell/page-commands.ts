@@ -1,5 +1,6 @@
 // Commands of the whole page.
 import type { Command } from "../commands";
+import { startBuild } from "../state/building";
 import { connection, device, isJobActive, job } from "../state/connection";
 import { isBottomPanelOpen, isLeftPanelOpen } from "../state/layout";
 import { run } from "../state/run";
@@ -103,7 +104,7 @@ export const pageCommands = (): readonly Command[] => [
     label,
     group: "Steps",
     when: () => !isJobActive.value,
-    run: () => void run(connection.send("start-build", { stage })),
+    run: () => void startBuild(stage),
   })),
   {
     id: "next-panel",

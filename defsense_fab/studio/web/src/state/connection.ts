@@ -1,10 +1,15 @@
 // The connection of this page, and the events that most components read.
 import { computed } from "@preact/signals";
 import { Connection } from "../protocol/connection";
+import { nameFields, readProblems } from "./page-words";
 
 const scheme = location.protocol === "https:" ? "wss" : "ws";
 
-export const connection = new Connection(`${scheme}://${location.host}/socket`);
+export const connection = new Connection(`${scheme}://${location.host}/socket`, readProblems);
+
+connection.listen("device-fields", ({ groups }) => {
+  nameFields(groups.flatMap(({ fields, more }) => [...fields, ...more]));
+});
 
 export const page = connection.event("page");
 export const device = connection.event("device-state");

@@ -9,11 +9,14 @@ const fields = new Map<string, Set<Signal<Problem | null>>>();
 
 /** Wait for a request; show its refusal and return undefined. */
 export async function run<T>(request: Promise<T>): Promise<T | undefined> {
-  return attempt(request, (problem) => {
-    const mounted = fields.get(problem.field);
-    if (problem.field && mounted) for (const field of mounted) field.value = problem;
-    else showProblem(problem);
-  });
+  return attempt(request, showRefusal);
+}
+
+/** Show a refusal in its field, or else as a message. */
+export function showRefusal(problem: Problem): void {
+  const mounted = fields.get(problem.field);
+  if (problem.field && mounted) for (const field of mounted) field.value = problem;
+  else showProblem(problem);
 }
 
 /** Wait for a request; pass its refusal to a function and return undefined. */

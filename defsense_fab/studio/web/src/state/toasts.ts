@@ -2,7 +2,7 @@
 import { signal } from "@preact/signals";
 import type { Problem } from "../protocol/messages";
 import { connection } from "./connection";
-import { select } from "./selection";
+import { remedyOf } from "./remedies";
 
 export interface Toast {
   id: number;
@@ -28,13 +28,9 @@ export function showToast(text: string, action: ToastAction | null = null, isErr
   toasts.value = [...others, { id: ++lastId, text, isError, action }].slice(-MAX_TOASTS);
 }
 
-/** Show an error, with a button that selects the cord that is concerned. */
+/** Show an error, with the button that cures it. */
 export function showProblem(problem: Problem): void {
-  const { cord } = problem;
-  const action = cord
-    ? { label: `Select ${cord}`, run: () => select({ kind: "cord", name: cord }) }
-    : null;
-  showToast(problem.text, action, true);
+  showToast(problem.text, remedyOf(problem), true);
 }
 
 export function dismissToast(id: number): void {

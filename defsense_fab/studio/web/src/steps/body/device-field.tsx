@@ -17,7 +17,7 @@ export function DeviceFieldRow({ field }: { field: DeviceField }) {
   const { key, label, canReset } = field;
   const fallback = defaultText(field);
   return (
-    <div class={`field-row ${canReset ? "set" : ""}`}>
+    <div class={`field-row ${canReset ? "set" : ""}`} data-field={key}>
       <Control field={field} />
       <Popover label={`About ${label}`}>
         <div class="field-about">

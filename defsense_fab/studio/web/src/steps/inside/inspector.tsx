@@ -1,6 +1,6 @@
 // What the section shows, where its plane is, the numbers of a point, and the next cord.
-import { connection, device, isJobActive } from "../../state/connection";
-import { run } from "../../state/run";
+import { startBuild } from "../../state/building";
+import { device, isJobActive } from "../../state/connection";
 import { enterStep } from "../../state/step";
 import { Button } from "../../ui/button";
 import { EmptyState } from "../../ui/feedback";
@@ -39,7 +39,7 @@ export function InsideInspector() {
 
 function NotSimulated({ text }: { text: string }) {
   const hasPoses = (device.value?.poses.length ?? 0) > 0;
-  const simulate = () => void run(connection.send("start-build", { stage: "simulate" }));
+  const simulate = () => void startBuild("simulate");
   return (
     <EmptyState
       icon="section"

@@ -4,7 +4,7 @@ import type { ArrayMessage } from "../../protocol/connection";
 import { connection, device } from "../../state/connection";
 import { run } from "../../state/run";
 import { select } from "../../state/selection";
-import { showToast } from "../../state/toasts";
+import { showProblem, showToast } from "../../state/toasts";
 import { inside, type QuantityName, type SectionView } from "./section-view";
 
 /** Time without a change of the plane after which the search starts, ms. */
@@ -52,7 +52,7 @@ export class NextCordTool {
       connection.onArrays("next-cord", (message) => this.show(message)),
       connection.listen("next-cord-state", ({ state, problem }) => {
         if (state === "none" || state === "outdated" || state === "failed") this.map.value = null;
-        if (problem && this.isOn.peek()) showToast(problem.text, null, true);
+        if (problem && this.isOn.peek()) showProblem(problem);
       }),
     ];
     return () => {

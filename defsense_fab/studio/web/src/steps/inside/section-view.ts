@@ -4,7 +4,7 @@ import { type ArrayMessage, Refusal } from "../../protocol/connection";
 import type { ColorMap, InsideState, PointNumbers, QuantityInfo, ShowSection } from "../../protocol/messages";
 import type { Frame } from "../../scene/types";
 import { connection } from "../../state/connection";
-import { showToast } from "../../state/toasts";
+import { showProblem } from "../../state/toasts";
 import { LatestRequest } from "../sensors/latest-request";
 import { type ColorRange, ColorScale, joinRanges } from "./color-scale";
 import { type BodyShape, shapeOf } from "./shapes";
@@ -229,7 +229,7 @@ export class SectionView {
         this.problem.value = "The plane misses the body";
       });
     } else if (error.problem.code !== "not-simulated") {
-      showToast(error.problem.text, null, true);
+      showProblem(error.problem);
     }
   }
 }

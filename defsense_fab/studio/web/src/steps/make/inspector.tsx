@@ -1,5 +1,6 @@
 // The state of the parts, the shown step, and the lists of what to print, cut, buy and check.
 import type { Guide, MadeFile } from "../../protocol/messages";
+import { inPageWords } from "../../state/page-words";
 import { Button } from "../../ui/button";
 import { Icon } from "../../ui/icons";
 import { Section } from "../../ui/section";
@@ -36,7 +37,7 @@ function Lists({ shown, isOpen }: { shown: Guide; isOpen: boolean }) {
           <ul class="make-notes">
             {notes.map(({ text, point }) => (
               <li key={text}>
-                <p>{text}</p>
+                <p>{inPageWords(text)}</p>
                 {point && (
                   <Button variant="quiet" icon="eye" onClick={() => showPlace(point)}>
                     Show the place

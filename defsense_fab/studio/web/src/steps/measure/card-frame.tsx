@@ -1,6 +1,7 @@
 import type { ComponentChildren } from "preact";
 import type { Problem, TaskStatus } from "../../protocol/messages";
 import { GuidedScreen } from "../../live/guided-screen";
+import { RemedyButton } from "../../shell/remedy-button";
 import { Icon } from "../../ui/icons";
 import type { CardRequest } from "./request";
 import { type CardName, CARD_LABELS, guided, status } from "./state";
@@ -58,6 +59,7 @@ export function ProblemMessage({ problem }: { problem: Problem }) {
     <p class="task-message problem" role="alert">
       <Icon name="error" />
       <span>{problem.text}</span>
+      <RemedyButton problem={problem} />
     </p>
   );
 }

@@ -1,4 +1,5 @@
 import type { EvaluationResult, SessionChoice, TrainingResult } from "../../protocol/messages";
+import { ErrorHelp } from "../../shell/error-help";
 import { connection, isJobActive } from "../../state/connection";
 import { Button } from "../../ui/button";
 import { Checkbox } from "../../ui/choices";
@@ -17,6 +18,8 @@ import {
   trainingSessions,
 } from "./state";
 import { mainVariant } from "../../state/step";
+
+const makeState = connection.event("make-state");
 
 /** Sessions, training and evaluation, with their results. */
 export function TrainCard() {
@@ -134,10 +137,12 @@ function TrainingTable({ result }: { result: TrainingResult }) {
         {result.model}
         {chosen && (
           <span class="card-headline">
-            {(chosen.test ?? chosen.folds).toFixed(2)} mm {chosen.test === null ? "in the folds" : "in the test"}
+            Measured error {(chosen.test ?? chosen.folds).toFixed(2)} mm{" "}
+            {chosen.test === null ? "by cross-validation" : "in the test"}
           </span>
         )}
       </h3>
+      <ErrorInUse />
       {result.decoders.length > 0 && (
         <Table
           caption="Errors of the decoders, mm"
@@ -153,14 +158,14 @@ function TrainingTable({ result }: { result: TrainingResult }) {
                 </span>
               ),
             },
-            { title: "Folds", isNumber: true, cell: ({ folds }) => folds.toFixed(2) },
+            { title: "Cross-validation", isNumber: true, cell: ({ folds }) => folds.toFixed(2) },
             { title: "Test", isNumber: true, cell: ({ test }) => test?.toFixed(2) ?? "–" },
             { title: "Peak", isNumber: true, cell: ({ peak }) => peak?.toFixed(2) ?? "–" },
           ]}
         />
       )}
       <p class="card-note">
-        Errors of the markers in mm (RMSE; peak: the largest). Chosen by the folds.
+        Errors of the markers in mm (RMSE; peak: the largest). Chosen by cross-validation: each session in turn is left out and predicted from the others.
         {result.trainedImages !== null &&
           ` Trained on ${result.trainedImages} images and tested on the ${result.testedImages} that follow.`}
       </p>
@@ -180,13 +185,26 @@ function TrainingTable({ result }: { result: TrainingResult }) {
   );
 }
 
+/** The error that the design expects here, next to the measured one. */
+function ErrorInUse() {
+  const [middle, low, high] = makeState.value?.inUse ?? [];
+  if (middle === undefined || low === undefined || high === undefined) return null;
+  return (
+    <p class="card-note">
+      By the design, the error in use is {middle.toFixed(2)} mm (90 of 100 devices:{" "}
+      {low.toFixed(2)} to {high.toFixed(2)} mm). <ErrorHelp />
+    </p>
+  );
+}
+
 function EvaluationTable({ result }: { result: EvaluationResult }) {
   return (
     <section class="card-result" aria-label="Evaluation">
       <h3>
         Evaluation
-        <span class="card-headline">{result.rmse.toFixed(2)} mm</span>
+        <span class="card-headline">Measured error {result.rmse.toFixed(2)} mm</span>
       </h3>
+      <ErrorInUse />
       <Table
         caption="Errors of the model, mm"
         rows={[result]}

@@ -33,7 +33,7 @@ export function OptimizeBottom() {
           value={view.value}
           segments={[
             { value: "layouts", label: "Layouts" },
-            { value: "search", label: "Search" },
+            { value: "search", label: "Progress" },
           ]}
           onChange={(value) => (view.value = value)}
         />
@@ -60,7 +60,7 @@ export function OptimizeBottom() {
 function SearchCharts() {
   const current = search.value;
   if (!current || current.state === "none") {
-    return <EmptyState icon="optimize" text="No search has run since the studio was opened." />;
+    return <EmptyState icon="optimize" text="Nothing has been optimized since the studio was opened." />;
   }
   return (
     <div class="optimize-charts halves">
@@ -72,7 +72,7 @@ function SearchCharts() {
 
 function Comparison() {
   if (rows.value.length === 0) {
-    return <EmptyState icon="cord" text="There are no layouts yet. Draw cords, or let a search find some." />;
+    return <EmptyState icon="cord" text="There are no layouts yet. Draw cords, or optimize them." />;
   }
   const { of, title } = COSTS[cost.value];
   const dots = rows.value.flatMap((row) => dot(row, of(row)));
@@ -83,6 +83,7 @@ function Comparison() {
           dots={dots}
           xTitle={dots.length < rows.value.length ? `${title}, known for ${dots.length} of ${rows.value.length}` : title}
           yTitle="Expected error, mm"
+          areCounts={cost.value !== "hours"}
           onChoose={choose}
           onHover={(name) => (hoveredName.value = name)}
         />
@@ -90,7 +91,7 @@ function Comparison() {
         <p class="chart-empty">
           {rows.value.some(({ role }) => role === "built")
             ? "Compare all to compute these numbers."
-            : "These numbers are known after a search."}
+            : "These numbers are known after “Optimize”."}
         </p>
       )}
       <div class="layout-table">
@@ -104,7 +105,7 @@ function dot(row: LayoutRow, x: number | null): Dot[] {
   if (x === null || row.error === null) return [];
   const { name, error, trainedLow: low, trainedHigh: high } = row;
   const costs = `${COSTS[cost.value].label.toLowerCase()}: ${x.toFixed(Number.isInteger(x) ? 0 : 1)}`;
-  const range = low === null || high === null ? "" : `; after training ${low.toFixed(2)} to ${high.toFixed(2)} mm`;
+  const range = low === null || high === null ? "" : `; in use ${low.toFixed(2)} to ${high.toFixed(2)} mm`;
   return [
     {
       name,
@@ -122,7 +123,7 @@ function CompareButton() {
   if (compareSeconds === 0 && !obstacle && !isComparing.value) return null;
   const hint = obstacle
     ? `${obstacle[0]!.toUpperCase()}${obstacle.slice(1)}`
-    : "Make the parts of all layouts on trial, and predict their errors after training";
+    : "Make the parts of all layouts on trial, and predict their errors in use";
   return (
     <Button
       class="compare"

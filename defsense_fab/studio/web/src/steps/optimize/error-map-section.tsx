@@ -29,9 +29,9 @@ export function ErrorMapSection() {
         <>
           <Checkbox label="Deformed" isOn={isMapDeformed.value} onChange={(isOn) => (isMapDeformed.value = isOn)} />
           <dl class="fact-list">
-            <Fact term="Over the surface (RMS)" value={map ? `${map.mean.toFixed(2)} mm` : "…"} />
-            <Fact term="Largest" value={map ? `${map.largest.toFixed(2)} mm` : "…"} />
-            <Fact term="At the markers, with noise" value={`${shown.expected.toFixed(2)} mm`} />
+            <Fact term="Over the surface, without noise" value={map ? `${map.mean.toFixed(2)} mm` : "…"} />
+            <Fact term="Largest, without noise" value={map ? `${map.largest.toFixed(2)} mm` : "…"} />
+            <Fact term="Expected error in this state" value={`${shown.expected.toFixed(2)} mm`} />
           </dl>
         </>
       )}

@@ -11,7 +11,7 @@ registerStep("optimize", {
   inspector: OptimizeInspector,
   legend: OptimizeLegend,
   bottom: OptimizeBottom,
-  bottomTitle: "Search and layouts",
+  bottomTitle: "Layouts and progress",
   scene: (viewer) => {
     const stops = [attachGhosts(viewer), attachErrorMap(viewer)];
     return () => {

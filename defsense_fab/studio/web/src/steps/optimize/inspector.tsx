@@ -1,6 +1,10 @@
 // What is true of the cords, the search or the chosen layout, and the error map.
-import { connection, isJobActive } from "../../state/connection";
+import type { ComponentChildren } from "preact";
+import type { OptimizeState } from "../../protocol/messages";
+import { ErrorHelp } from "../../shell/error-help";
+import { startBuild } from "../../state/building";
 import { run } from "../../state/run";
+import { connection, device, isJobActive } from "../../state/connection";
 import { Button } from "../../ui/button";
 import { Icon } from "../../ui/icons";
 import { Section } from "../../ui/section";
@@ -36,6 +40,7 @@ export function OptimizeInspector() {
 const ICONS = {
   "not-ready": "info",
   "never-searched": "info",
+  locked: "lock",
   searching: "optimize",
   optimized: "check",
   "drawn-differ": "info",
@@ -51,29 +56,41 @@ function Standing() {
         <Icon name={ICONS[state.standing]} />
         <span>{state.text}</span>
       </p>
-      {isSearching.value ? <SearchNumbers /> : <Numbers drawn={state.drawn} built={state.built} />}
+      {isSearching.value ? <SearchNumbers /> : <Numbers state={state} />}
       <Actions />
     </div>
   );
 }
 
-function Numbers({ drawn, built }: { drawn: number | null; built: number | null }) {
+function Numbers({ state: { drawn, built, isBuiltMoved } }: { state: OptimizeState }) {
   if (drawn === null && built === null) return null;
   return (
-    <dl class="standing-numbers">
+    <ErrorNumbers>
       <Number label="Drawn" error={drawn} tone="drawn" />
-      <Number label="Optimized" error={built} tone="built" />
-    </dl>
+      {isBuiltMoved && <Number label="Optimized" error={built} tone="built" />}
+    </ErrorNumbers>
+  );
+}
+
+function ErrorNumbers({ children }: { children: ComponentChildren }) {
+  return (
+    <>
+      <h3 class="standing-title">
+        Expected error
+        <ErrorHelp />
+      </h3>
+      <dl class="standing-numbers">{children}</dl>
+    </>
   );
 }
 
 function SearchNumbers() {
   const { best = null, drawn = null } = search.value ?? {};
   return (
-    <dl class="standing-numbers">
+    <ErrorNumbers>
       <Number label="Drawn" error={drawn} tone="drawn" />
       <Number label="Best so far" error={best} tone="best" />
-    </dl>
+    </ErrorNumbers>
   );
 }
 
@@ -100,13 +117,14 @@ function Actions() {
       <Button
         variant={mainVariant.value}
         disabled={!hasBest}
-        hint={hasBest ? "End the search and draw its best cords" : "No cords within all limits yet"}
+        hint={hasBest ? "Stop optimizing and draw the best cords" : "No cords within all limits yet"}
         onClick={() => void applyBest()}
       >
         Use the best so far
       </Button>
     );
   }
+  const isLocked = (device.value?.cords ?? []).every(({ free }) => free.length === 0);
   return (
     <div class="actions">
       {canUseBuilt && (
@@ -126,12 +144,21 @@ function Actions() {
             ? "Wait until the running job has ended"
             : obstacle || "Move the cords that are not locked to reduce the error"
         }
-        onClick={() => void run(connection.send("start-build", { stage: "optimize" }))}
+        onClick={() => void startBuild("optimize")}
       >
-        {code === "never-searched" || code === "not-ready" ? "Search" : "Search again"}
+        {code === "never-searched" || code === "not-ready" || isLocked ? "Optimize" : "Optimize again"}
       </Button>
-      {hasBest && code !== "optimized" && !canUseBuilt && (
-        <Button hint="Draw the best cords of the search that has ended" onClick={() => void applyBest()}>
+      {isLocked && obstacle && code !== "not-ready" && (
+        <Button
+          icon="unlock"
+          hint="Let the optimizer move all cords; lock single ones in Sensors"
+          onClick={() => void run(connection.send("unlock-cords", {}))}
+        >
+          Unlock all
+        </Button>
+      )}
+      {hasBest && code !== "optimized" && code !== "locked" && !canUseBuilt && (
+        <Button hint="Draw the best cords that were found" onClick={() => void applyBest()}>
           Use the best so far
         </Button>
       )}

@@ -1,4 +1,5 @@
 import type { LayoutRow } from "../../protocol/messages";
+import { inPageWords } from "../../state/page-words";
 import { Button } from "../../ui/button";
 import { Icon } from "../../ui/icons";
 import { applyLayout, layoutLabel, mm } from "./state";
@@ -10,10 +11,10 @@ export function LayoutDetails({ row }: { row: LayoutRow }) {
   const range = trainedLow === null ? "" : ` (90 %: ${mm(trainedLow)} to ${mm(trainedHigh)})`;
   const facts: [string, string][] = [
     ["Expected error", `${mm(row.error)} mm`],
-    ["After training", trained === null ? "not computed" : `${mm(trained)} mm${range}`],
+    ["Error in use", trained === null ? "not computed" : `${mm(trained)} mm${range}`],
     ["Parts", row.parts === null ? "not computed" : String(row.parts)],
     ["Print time", printHours === null ? "no estimate" : `about ${printHours.toFixed(0)} h`],
-    ["Cords", `${row.cords.length}, ${length === null ? "?" : length.toFixed(0)} mm in all`],
+    ["Cords", `${row.cords.length}, ${length === null ? "–" : length.toFixed(0)} mm in all`],
     ["Planes", String(row.planes)],
   ];
   return (
@@ -27,9 +28,14 @@ export function LayoutDetails({ row }: { row: LayoutRow }) {
           </div>
         ))}
       </dl>
+      {row.role === "earlier" && (
+        <p class="note">
+          <Icon name="info" /> Of an earlier design: its numbers may differ now.
+        </p>
+      )}
       {problem && (
         <p class="note danger">
-          <Icon name="error" /> {problem}
+          <Icon name="error" /> {inPageWords(problem)}
         </p>
       )}
       <Button
@@ -47,7 +53,7 @@ export function LayoutDetails({ row }: { row: LayoutRow }) {
           </summary>
           <ul>
             {notes.map((note) => (
-              <li key={note}>{note}</li>
+              <li key={note}>{inPageWords(note)}</li>
             ))}
           </ul>
         </details>

@@ -1,6 +1,9 @@
 import type { LayoutRow } from "../../protocol/messages";
+import { inPageWords } from "../../state/page-words";
 import { Button } from "../../ui/button";
+import { tooltip } from "../../ui/tooltip";
 import { Table } from "../../ui/table";
+import type { Tone } from "./charts/scatter";
 import { applyLayout, choose, chosenName, layoutLabel, layoutName, mm, rows } from "./state";
 
 /** All layouts side by side, with the same numbers for each. */
@@ -10,10 +13,10 @@ export function LayoutTable() {
       caption="Layouts; errors in mm"
       columns={[
         { title: "Layout", cell: name },
-        { title: "Error", cell: ({ error }) => mm(error), isNumber: true },
-        { title: "Trained (90 %)", cell: trained, isNumber: true },
+        { title: "Expected error", cell: ({ error }) => mm(error), isNumber: true },
         { title: "Parts", cell: parts, isNumber: true },
-        { title: "Print", cell: ({ printHours }) => unit(printHours, 0, "h"), isNumber: true },
+        { title: "Print time", cell: ({ printHours }) => unit(printHours, 0, "h"), isNumber: true },
+        { title: "Error in use (90 %)", cell: trained, isNumber: true },
         { title: "Cord", cell: ({ length }) => unit(length && length / 10, 0, "cm"), isNumber: true },
         { title: "Planes", cell: ({ planes }) => planes, isNumber: true },
         { title: "Use", cell: use },
@@ -28,7 +31,10 @@ export function LayoutTable() {
 
 function name(row: LayoutRow) {
   return (
-    <span class="layout-name">
+    <span
+      class="layout-name"
+      {...tooltip(row.role === "earlier" ? "Of an earlier design: its numbers may differ now" : undefined)}
+    >
       <i class={`chart-mark ${dotTone(row)}`} aria-hidden="true" />
       {layoutName(row)}
     </span>
@@ -45,11 +51,11 @@ function trained({ trained: middle, trainedLow: low, trainedHigh: high }: Layout
 }
 
 function unit(value: number | null, digits: number, name: string): string {
-  return value === null ? "?" : `${value.toFixed(digits)} ${name}`;
+  return value === null ? "–" : `${value.toFixed(digits)} ${name}`;
 }
 
 function parts({ parts: count, problem }: LayoutRow) {
-  return problem ? <span class="cannot-make" data-tooltip={problem}>cannot be made</span> : (count ?? "?");
+  return problem ? <span class="cannot-make" data-tooltip={inPageWords(problem)}>cannot be made</span> : (count ?? "–");
 }
 
 function use(row: LayoutRow) {
@@ -68,7 +74,8 @@ function use(row: LayoutRow) {
   );
 }
 
-export function dotTone({ role, isDrawn }: LayoutRow): "drawn" | "built" | "other" {
+export function dotTone({ role, isDrawn }: LayoutRow): Tone {
+  if (role === "earlier") return "earlier";
   if (role === "built") return "built";
   return isDrawn || role === "drawn" ? "drawn" : "other";
 }

@@ -54,9 +54,13 @@ export const COSTS: Record<Cost, { label: string; title: string; of: (row: Layou
 export const mappedState = signal("");
 export const isMapDeformed = signal(true);
 
+const capitalized = (text: string): string => `${text[0]!.toUpperCase()}${text.slice(1)}`;
+
 export function layoutName({ name, role }: LayoutRow): string {
   if (role === "drawn") return "Drawn";
-  return role === "built" ? "Built" : `${name[0]!.toUpperCase()}${name.slice(1)}`;
+  if (role === "built") return standing.value?.isBuiltMoved ? "Optimized" : "In the parts";
+  if (role === "earlier") return `${capitalized(name.replace(/^earlier: /, ""))} (earlier)`;
+  return capitalized(name);
 }
 
 /** Name of a layout, and whether it is drawn. */
@@ -77,4 +81,4 @@ export async function compareLayouts(): Promise<void> {
   await run(connection.send("compare-layouts", {}));
 }
 
-export const mm = (value: number | null): string => (value === null ? "?" : value.toFixed(2));
+export const mm = (value: number | null): string => (value === null ? "–" : value.toFixed(2));

@@ -7,7 +7,7 @@ import { connection } from "../../state/connection";
 import { isDark } from "../../state/theme";
 import { sceneColors } from "../../scene/theme";
 import { attempt } from "../../state/run";
-import { showToast } from "../../state/toasts";
+import { showProblem } from "../../state/toasts";
 import { hovered, isHidden } from "../../state/selection";
 import { type ColoredRegion, PosedBody } from "./posed-body";
 import { rampShape, share } from "./ramp";
@@ -46,7 +46,7 @@ effect(() => {
   const state = shownState.value;
   if (!state || stateShape.peek()?.state === state) return;
   void attempt(connection.fetch("state-shape", { state }), (problem) => {
-    showToast(problem.text, null, true);
+    showProblem(problem);
   }).then((answer) => {
     if (answer) stateShape.value = { state, moved: answer.arrays["moved"]! };
   });

@@ -124,7 +124,7 @@ function ShiftFields({ pose, handle }: { pose: string; handle: HandleState }) {
   const { region, shift } = handle;
   const send = (value: (number | null)[]) => connection.send("set-shift", { pose, region, shift: value });
   if (shift.every((value) => value === null)) {
-    return <p class="muted">It moves to where no force is left. Choose "Turned, moved" to set where.</p>;
+    return <p class="muted">Its place is free: it moves to where only a torque turns it. Choose “Turned, moved” to set the place.</p>;
   }
   return (
     <fieldset class="vector-field shift">
@@ -142,7 +142,7 @@ function ShiftFields({ pose, handle }: { pose: string; handle: HandleState }) {
           />
           <Checkbox
             label="Free"
-            hint={`Let the region move along ${name} to where no force is left`}
+            hint={`Let the region move along ${name} to where nothing pushes it`}
             isOn={shift[k] === null}
             onChange={(isOn) => void send(shift.map((other, i) => (i === k ? (isOn ? null : 0) : other)))}
           />

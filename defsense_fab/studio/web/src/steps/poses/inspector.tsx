@@ -1,6 +1,6 @@
 // The inspector of the step Poses: the selected pose or region, or what there is.
-import { connection, isJobActive } from "../../state/connection";
-import { run } from "../../state/run";
+import { startBuild } from "../../state/building";
+import { isJobActive } from "../../state/connection";
 import { select, selection } from "../../state/selection";
 import { Button } from "../../ui/button";
 import { EmptyState } from "../../ui/feedback";
@@ -49,7 +49,7 @@ function MeshNotice() {
       <Button
         disabled={isJobActive.value}
         hint={isJobActive.value ? "Wait until the running job has ended" : "Make the mesh in the background"}
-        onClick={() => void run(connection.send("start-build", { stage: "mesh" }))}
+        onClick={() => void startBuild("mesh")}
       >
         {mesh === "missing" ? "Mesh the body" : "Mesh it again"}
       </Button>

@@ -59,7 +59,7 @@ const STATUS: Record<ShapeStatus, { text: string; icon: IconName | null }> = {
   solving: { text: "Solving ...", icon: "refresh" },
   coarse: { text: "Refining ...", icon: "refresh" },
   solved: { text: "Quick shape", icon: "check" },
-  checked: { text: "As the simulation finds it", icon: "check" },
+  checked: { text: "Accurate shape", icon: "check" },
   stopped: { text: "Stopped; the last shape stays", icon: "stop" },
   failed: { text: "", icon: "warning" },
 };

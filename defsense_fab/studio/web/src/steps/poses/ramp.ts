@@ -2,7 +2,7 @@
 import { computed, effect, signal } from "@preact/signals";
 import { connection } from "../../state/connection";
 import { attempt, run } from "../../state/run";
-import { showToast } from "../../state/toasts";
+import { showProblem } from "../../state/toasts";
 import { LatestRequest } from "../sensors/latest-request";
 import { isMeshed, meshedBody, shownPose, shownState, simulatedStates } from "./state";
 
@@ -99,7 +99,7 @@ async function load(): Promise<Ramp | null> {
   if (!pose || !isMeshed.peek()) return null;
   isLoading.value = true;
   const answer = await attempt(connection.fetch("follow-ramp", { pose: pose.name }), (problem) => {
-    if (problem.code !== "canceled") showToast(problem.text, null, true);
+    if (problem.code !== "canceled") showProblem(problem);
   });
   isLoading.value = false;
   if (!answer) {

@@ -6,6 +6,7 @@ import { clearSelection, isSelected, select } from "../../state/selection";
 import { IconButton } from "../../ui/button";
 import { Icon } from "../../ui/icons";
 import { openContextMenuFor } from "../../ui/menu";
+import { tooltip } from "../../ui/tooltip";
 import { poseMenu } from "./commands";
 import { isLoading, isPlaying, playRamp, ramp, setShare, share } from "./ramp";
 import { isMeshed, isSolving, picturesState, posesState, shownPose, shownState, simulatedStates } from "./state";
@@ -166,11 +167,12 @@ function Forces({ pose }: { pose: string }) {
   const forces = states?.forces.find((other) => other.pose === pose);
   if (!forces?.held.length) return null;
   return (
-    <p class="forces">
+    <p class="forces" {...tooltip("The force of a hand that moves the region, with the same work as the pose")}>
+      Force of a hand:{" "}
       {forces.held.map(({ place, push, torque }) => (
         <span key={place}>
           <strong>{round2(Math.abs(push))} N</strong>
-          {torque > 0 && <strong>, {round2(torque)} N m</strong>} at {place}
+          {torque > 0 && <strong>, torque {round2(torque)} N m</strong>} at {place}
         </span>
       ))}
       {!states?.isCurrent && <span class="muted"> in the last simulation</span>}

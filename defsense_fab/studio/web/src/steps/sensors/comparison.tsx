@@ -68,7 +68,7 @@ function Result({ result }: { result: Comparison }) {
             ),
           },
           {
-            title: "Error without it",
+            title: "Expected error without it",
             isNumber: true,
             cell: ({ errorWithout }) =>
               errorWithout === null ? "Unknown" : `${errorWithout.toFixed(2)} mm`,
@@ -82,7 +82,7 @@ function Result({ result }: { result: Comparison }) {
       />
       <dl class="cord-numbers">
         <div>
-          <dt>Error with both</dt>
+          <dt>Expected error with both</dt>
           <dd>{result.error.toFixed(2)} mm</dd>
         </div>
         <div>

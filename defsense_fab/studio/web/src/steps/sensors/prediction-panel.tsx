@@ -1,14 +1,17 @@
-// The panel below the scene: expected error, drawn and built, by pose, with signals and limits.
+// The panel below the scene: expected error, drawn and in the parts, by pose, with signals and limits.
 import { useRef } from "preact/hooks";
 import type { Judgement } from "../../protocol/messages";
 import { NextButton } from "../../shell/next-button";
-import { device, prediction } from "../../state/connection";
+import { ErrorHelp } from "../../shell/error-help";
+import { connection, device, prediction } from "../../state/connection";
 import { hovered, isSame, isSelected, select } from "../../state/selection";
 import { Icon } from "../../ui/icons";
 import { tooltip } from "../../ui/tooltip";
 import { ErrorBar, roundUp, SignalBar } from "./bars";
 import { limitTitle, showViolation } from "./limit-labels";
 import { draggedJudgement, judgement } from "./state";
+
+const makeState = connection.event("make-state");
 
 /** How many times the headline's error a pose has that is marked. */
 const MUCH_WORSE = 2;
@@ -32,7 +35,7 @@ export function PredictionPanel() {
     <div class="prediction" aria-busy={state.isComputing}>
       <div class="prediction-summary">
         <Headline />
-        {state.drawnProblem && <p class="problem-text">{state.drawnProblem.text}</p>}
+        {state.drawnProblem && <p class="problem-text">{state.drawnProblem.message}</p>}
         {shown && <Limits judgement={shown} />}
       </div>
       {shown && shown.poses.length > 0 && (
@@ -45,31 +48,32 @@ export function PredictionPanel() {
 }
 
 function Headline() {
-  const { built, isBuiltDrawn } = prediction.value!;
+  const { built, builtInUse, isBuiltDrawn } = prediction.value!;
   const { error = null, trained = null } = judgement.value ?? {};
   const hasChanged = draggedJudgement.value !== null;
+  const areParts = makeState.value !== null && makeState.value.code !== "not-built";
+  const place = areParts ? "in the parts" : "optimized";
+  const isOne = isBuiltDrawn && !hasChanged; // the same cords have one number
+  const shown = isOne ? built : error;
+  const inUse = isOne ? builtInUse : trained;
   return (
     <>
-      <p class="headline" aria-live="polite">
-        <span>
-          <strong>{error === null ? "No prediction" : `${error.toFixed(2)} mm`}</strong> drawn
-        </span>
-        <span>
-          {built === null ? (
-            "not built"
-          ) : (
-            <>
-              <strong>{built.toFixed(2)} mm</strong> built
-            </>
+      <div class="headline-row">
+        <p class="headline" aria-live="polite">
+          <span>
+            <strong>{shown === null ? "No prediction" : `${shown.toFixed(2)} mm`}</strong>{" "}
+            {isOne ? `drawn and ${place}` : "drawn"}
+          </span>
+          {built !== null && !isOne && (
+            <span>
+              <strong>{built.toFixed(2)} mm</strong> {place}
+            </span>
           )}
-        </span>
-      </p>
+        </p>
+        <ErrorHelp side="above" />
+      </div>
       <WorstPose />
-      <p class="muted">
-        {trained !== null && !hasChanged && `${trained.toFixed(2)} mm after training. `}
-        {built !== null && !isBuiltDrawn && "Changed since the build."}
-        {built !== null && isBuiltDrawn && "The drawn cords are built."}
-      </p>
+      {inUse !== null && !hasChanged && <p class="muted">Error in use: {inUse.toFixed(2)} mm</p>}
     </>
   );
 }

@@ -49,7 +49,7 @@ export function ErrorCurve({ search }: { search: Search }) {
             height={height}
             role="slider"
             tabIndex={0}
-            aria-label="Error of the search over time"
+            aria-label="Expected error over time"
             aria-valuemin={0}
             aria-valuemax={last}
             aria-valuenow={shown}

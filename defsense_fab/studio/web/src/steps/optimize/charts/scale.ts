@@ -8,15 +8,23 @@ export interface Scale {
 
 /** A linear scale over values, with a margin as a share of their range. */
 export function linearScale(values: readonly number[], from: number, to: number, margin = 0.08): Scale {
-  let [low, high] = extent(values);
-  const room = (high - low) * margin || Math.abs(high) * 0.05 || 1;
-  low -= room;
-  high += room;
-  const ticks = roundTicks(low, high);
-  const areCounts = values.every(Number.isInteger);
+  const [least, most] = extent(values);
+  const room = (most - least) * margin || Math.abs(most) * 0.05 || 1;
+  return scaleBetween(least - room, most + room, from, to);
+}
+
+/** A linear scale over whole numbers, with ticks at whole numbers only. */
+export function countScale(values: readonly number[], from: number, to: number): Scale {
+  const [least, most] = extent(values);
+  const [low, high] = [Math.floor(least) - 0.6, Math.ceil(most) + 0.6];
+  const scale = scaleBetween(low, high, from, to);
+  return { ...scale, ticks: roundTicks(low, high, WHOLE).filter((tick) => tick >= 0) };
+}
+
+function scaleBetween(low: number, high: number, from: number, to: number): Scale {
   return {
     at: (value) => from + ((value - low) / (high - low)) * (to - from),
-    ticks: areCounts ? ticks.filter(Number.isInteger) : ticks,
+    ticks: roundTicks(low, high),
   };
 }
 
@@ -42,13 +50,15 @@ function extent(values: readonly number[]): [number, number] {
 }
 
 const ROUND = [1, 2, 2.5, 5, 10];
+const WHOLE = [1, 2, 5, 10];
 const WANTED_TICKS = 5;
 
 /** Round numbers between two values, about five. */
-function roundTicks(low: number, high: number): number[] {
-  const rough = (high - low) / WANTED_TICKS;
+function roundTicks(low: number, high: number, factors: readonly number[] = ROUND): number[] {
+  const least = factors === WHOLE ? 1 : 0; // whole numbers are not divided
+  const rough = Math.max(least, (high - low) / WANTED_TICKS);
   const power = 10 ** Math.floor(Math.log10(rough));
-  const step = power * ROUND.find((factor) => factor * power >= rough)!;
+  const step = power * factors.find((factor) => factor * power >= rough)!;
   const first = Math.ceil(low / step - 1e-9);
   const last = Math.floor(high / step + 1e-9);
   return range(first, last).map((k) => Number((k * step).toPrecision(12)));

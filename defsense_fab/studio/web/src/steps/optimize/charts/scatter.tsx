@@ -1,8 +1,10 @@
 // Layouts as dots: the error over what they cost. A dot is a button.
 import { useRef } from "preact/hooks";
 import { Axes, type Frame } from "./axes";
-import { linearScale, logScale } from "./scale";
+import { countScale, linearScale, logScale } from "./scale";
 import { useSize } from "./use-size";
+
+export type Tone = "drawn" | "built" | "other" | "earlier";
 
 export interface Dot {
   name: string;
@@ -10,7 +12,7 @@ export interface Dot {
   label: string;
   x: number;
   y: number;
-  tone: "drawn" | "built" | "other";
+  tone: Tone;
   isChosen: boolean;
 }
 
@@ -18,6 +20,8 @@ interface ScatterProps {
   dots: readonly Dot[];
   xTitle: string;
   yTitle: string;
+  /** Whether the axis of x has whole numbers only. */
+  areCounts: boolean;
   onChoose: (name: string) => void;
   onHover: (name: string | null) => void;
 }
@@ -26,11 +30,13 @@ const MARGINS = { left: 40, right: 14, top: 26, bottom: 34 };
 const SPREAD_PX = 17; // between dots of the same place
 
 /** A chart of dots; arrow keys move between them in the order of the axis. */
-export function Scatter({ dots, xTitle, yTitle, onChoose, onHover }: ScatterProps) {
+export function Scatter({ dots, xTitle, yTitle, areCounts, onChoose, onHover }: ScatterProps) {
   const host = useRef<HTMLDivElement>(null);
   const [width, height] = useSize(host);
   const frame: Frame = { width, height, ...MARGINS };
-  const x = linearScale(dots.map((dot) => dot.x), frame.left, width - frame.right, 0.12);
+  const xs = dots.map((dot) => dot.x);
+  const [start, end] = [frame.left, width - frame.right];
+  const x = areCounts ? countScale(xs, start, end) : linearScale(xs, start, end, 0.12);
   const y = logScale(dots.map((dot) => dot.y), height - frame.bottom, frame.top);
   const placed = apart(dots.map((dot) => ({ dot, px: x.at(dot.x), py: y.at(dot.y) })));
   const order = [...placed].sort((a, b) => a.px - b.px || b.py - a.py);

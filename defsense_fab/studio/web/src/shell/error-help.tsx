@@ -1,0 +1,36 @@
+// What the errors of the page are: one name for each quantity, explained where it is shown.
+import { Popover } from "../ui/popover";
+
+const ERRORS: readonly [name: string, meaning: string][] = [
+  [
+    "Expected error",
+    "How far the sensed surface is from the true one (root mean square), in simulated deformations that cords and decoder were not fitted to, with the noise of the readings. Sensors, Optimize, Make and the report show this number.",
+  ],
+  [
+    "Drawn, optimized, in the parts",
+    "The same number for the cords in Sensors, for those that Optimize has found, and for those that the parts contain. For the last two, the parts were made on trial: cuts and joints are included.",
+  ],
+  [
+    "Error in use",
+    "What remains in the hand after training on a recorded session, a third of which is near rest. It also contains the memory of the cords, which depend on how they were stretched before, and the tolerances of built devices. The range is that of 90 of 100 devices.",
+  ],
+  [
+    "Measured error",
+    "The error of a trained model in recorded frames that it was not trained on. Measure shows it; compare it with the error in use.",
+  ],
+];
+
+export function ErrorHelp({ side }: { side?: "below" | "above" }) {
+  return (
+    <Popover label="About the expected error" side={side}>
+      <dl class="error-help">
+        {ERRORS.map(([name, meaning]) => (
+          <div key={name}>
+            <dt>{name}</dt>
+            <dd>{meaning}</dd>
+          </div>
+        ))}
+      </dl>
+    </Popover>
+  );
+}

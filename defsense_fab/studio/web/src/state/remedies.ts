@@ -1,0 +1,70 @@
+// The one button that cures a problem, or leads to where it is cured.
+import { runCommand } from "../commands";
+import type { Problem } from "../protocol/messages";
+import { startBuild } from "./building";
+import { connection, device } from "./connection";
+import { fieldLabel, findField } from "./page-words";
+import { run } from "./run";
+import { select } from "./selection";
+import { enterStep } from "./step";
+
+export interface Remedy {
+  label: string;
+  run: () => void;
+}
+
+const BY_CODE: Record<string, Remedy> = {
+  "no-body": { label: "Make the body", run: () => void run(connection.send("make-body", {})) },
+  "not-simulated": { label: "Simulate the poses", run: () => void startBuild("simulate") },
+  "build-outdated": { label: "Optimize", run: () => void startBuild("optimize") },
+  "not-built": { label: "Build the parts", run: () => void startBuild("report") },
+};
+
+const DRAW: Remedy = {
+  label: "Draw a cord",
+  run: () => {
+    enterStep("sensors");
+    requestAnimationFrame(() => runCommand("sensor.draw"));
+  },
+};
+
+/** Whether a field takes a value: there are not fewer cords than drawn ones. */
+function canSuggest(field: string, value: number): boolean {
+  return field !== "design.sensors" || value >= (device.peek()?.cords.length ?? 0);
+}
+
+/** The button for a problem, or null. */
+export function remedyOf({ code, cord, field, text, suggestion }: Problem): Remedy | null {
+  if (cord) return { label: `Select ${cord}`, run: () => select({ kind: "cord", name: cord }) };
+  const known = BY_CODE[code];
+  if (known) return known;
+  const label = fieldLabel(field);
+  if (label && suggestion !== null && canSuggest(field, suggestion)) {
+    return {
+      label: `Set “${label}” to ${suggestion}`,
+      run: () => void run(connection.send("set-field", { key: field, value: suggestion })),
+    };
+  }
+  if (code === "no-room-for-cords") return DRAW;
+  const shown = label ? { key: field, label } : findField(text);
+  return shown && { label: `Show “${shown.label}”`, run: () => showField(shown.key) };
+}
+
+const FRAMES = 20; // in which the step appears
+
+/** Enter the step of a field, open what it is in, and put the focus in it. */
+function showField(key: string, frames = FRAMES): void {
+  enterStep("body");
+  requestAnimationFrame(() => {
+    const row = document.querySelector<HTMLElement>(`[data-field="${key}"]`);
+    if (!row) {
+      if (frames > 0) showField(key, frames - 1);
+      return;
+    }
+    for (let at = row.closest("details"); at; at = at.parentElement?.closest("details") ?? null) {
+      at.open = true;
+    }
+    row.scrollIntoView({ block: "center" });
+    row.querySelector<HTMLElement>("input, select")?.focus();
+  });
+}
