@@ -149,11 +149,11 @@ def test_a_cord_is_deleted_and_restored_by_keys(open_sensors, folder):
 def test_a_cord_is_drawn_by_keys(open_sensors, folder):
     page = open_sensors()
     keys = page.keyboard
-    keys.press("d")
     scene = page.get_by_role("application")
+    middle(page.get_by_role("img", name=SCALE))  # until the body is shown
+    keys.press("d")
     expect(scene).to_be_focused()
     expect(scene).to_have_accessible_name(re.compile("arrow keys move the pen"))
-    page.get_by_role("button", name="Stop drawing").wait_for()
     keys.press("z")
     expect(page.get_by_role("radio", name="z", exact=True)).to_be_checked()
     keys.press("Shift+PageUp")
@@ -171,8 +171,7 @@ def test_a_cord_is_drawn_by_keys(open_sensors, folder):
     keys.press("Enter")
     assert len(load_device(folder).sensors) == 2
     keys.press("Enter")
-    cord_points = page.get_by_text("cord added")
-    cord_points.wait_for(state="attached")
+    page.get_by_text("cord added").wait_for(state="attached")
     added = load_device(folder).sensors[-1]
     assert added.plane.origin[2] == 5
     assert added.curve.points[0] == pytest.approx((2, -10), abs=3)
