@@ -4,6 +4,7 @@ import { listenForKeys } from "./commands";
 import { livePage, LiveRoot } from "./live/live-root";
 import { Banners } from "./shell/banners";
 import { BrokenPage } from "./shell/broken-page";
+import { keepFocus } from "./shell/focus-keeper";
 import { JobStrip } from "./shell/job-strip";
 import { QuestionDialog } from "./shell/question-dialog";
 import { Shell } from "./shell/shell";
@@ -50,4 +51,5 @@ function App() {
 }
 
 listenForKeys();
+keepFocus();
 render(<App />, document.getElementById("app")!);

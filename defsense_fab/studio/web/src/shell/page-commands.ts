@@ -9,6 +9,7 @@ import { isDark, theme } from "../state/theme";
 import { isKeyHelpOpen, isPaletteOpen } from "../ui/command-palette";
 import { startIntroduction } from "./introduction";
 import { doNext } from "./next-button";
+import { enterRegion, focusHeading } from "./regions";
 
 /** Selected items that the scene shows, and that can be hidden there. */
 const visibleItems = () => selection.value.filter(({ kind }) => kind !== "pose");
@@ -18,22 +19,6 @@ const STAGES = [
   { stage: "optimize", label: "Optimize the sensors" },
   { stage: "report", label: "Build the parts" },
 ] as const;
-
-/** The panels that F6 goes through: bar, tree, scene or stage, inspector, and the panel below. */
-const PANELS = [".top-bar", ".left-panel", ".stage", ".inspector", ".bottom-panel"];
-const FOCUSABLE = "button, [href], input, select, textarea, canvas, [tabindex]:not([tabindex='-1'])";
-
-function enterNextPanel(): void {
-  const panels = PANELS.map((name) => document.querySelector<HTMLElement>(name)).filter(
-    (panel) => panel !== null,
-  );
-  const at = panels.findIndex((panel) => panel.contains(document.activeElement));
-  for (let k = 1; k <= panels.length; k++) {
-    const items = panels[(at + k) % panels.length]!.querySelectorAll<HTMLElement>(FOCUSABLE);
-    const first = [...items].find((item) => item.checkVisibility() && item.tabIndex >= 0);
-    if (first) return first.focus();
-  }
-}
 
 export const pageCommands = (): readonly Command[] => [
   {
@@ -88,7 +73,10 @@ export const pageCommands = (): readonly Command[] => [
     label: `Go to ${STEP_LABELS[name]}`,
     group: "Steps",
     shortcut: String(index + 1),
-    run: () => enterStep(name),
+    run: () => {
+      enterStep(name);
+      setTimeout(focusHeading);
+    },
   })),
   {
     id: "next",
@@ -111,7 +99,15 @@ export const pageCommands = (): readonly Command[] => [
     group: "View",
     shortcut: "F6",
     worksInFields: true,
-    run: enterNextPanel,
+    run: () => enterRegion(1),
+  },
+  {
+    id: "previous-panel",
+    label: "Go to the previous panel",
+    group: "View",
+    shortcut: "Shift+F6",
+    worksInFields: true,
+    run: () => enterRegion(-1),
   },
   {
     id: "pause",
