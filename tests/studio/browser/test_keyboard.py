@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 
 import pytest
 
+from defsense_fab.core.device.device_file import load_device
+from tests.studio.browser.conftest import until
 from tests.studio.browser.screens import (
     STEPS,
     dismiss_introduction,
@@ -130,3 +133,62 @@ def test_the_focus_is_not_lost(page):
     page.keyboard.press("Delete")
     expect(card).to_have_count(0)
     expect(states.locator(":focus")).to_have_count(1)
+
+
+def test_refused_names_stay_and_escape_restores_them(page, folder):
+    enter(page, "Sensors")
+    page.get_by_role("treeitem", name="left", exact=True).press("Enter")
+    field = inspector(page, "Sensors").get_by_role("textbox", name="Name")
+    field.fill("middle")
+    field.press("Enter")
+    expect(field).to_have_accessible_description(re.compile("used already"))
+    expect(field).to_have_value("middle")
+    page.keyboard.press("Escape")
+    expect(field).to_have_value("left")
+    expect(field).to_be_focused()
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("application")).to_be_focused()
+    field.fill("left, \u00e9tage 2")
+    field.press("Enter")
+    assert until(lambda: load_device(folder).sensors[0].name == "left, \u00e9tage 2")
+
+    page.get_by_role("treeitem", name="twist", exact=True).press("F2")
+    page.keyboard.type("bend_up")
+    page.keyboard.press("Enter")
+    name = page.get_by_role("textbox", name="New name of twist")
+    expect(name).to_have_accessible_description(re.compile("used already"))
+    expect(name).to_have_value("bend_up")
+    name.fill("turn left")
+    expect(name).to_have_value("turn_left")
+    expect(name).to_have_accessible_description(re.compile("Spaces become _"))
+    page.keyboard.press("Enter")
+    row = page.get_by_role("treeitem", name="turn_left", exact=True)
+    expect(row).to_be_focused()
+
+    enter(page, "Poses")
+    page.get_by_role("group", name="States").get_by_role("button", name="turn_left").dblclick()
+    page.keyboard.type("twist")
+    page.keyboard.press("Enter")
+    assert until(lambda: [pose.name for pose in load_device(folder).poses] == ["bend_up", "twist"])
+
+
+def test_arrow_keys_move_a_point_as_the_screen_shows_it(page):
+    enter(page, "Sensors")
+    page.get_by_role("treeitem", name="left", exact=True).press("Enter")
+    point = page.get_by_role("button", name="left, point 4 of 8")
+    for view in ("Top", "Back"):
+        page.get_by_role("button", name="Standard views").click()
+        page.get_by_role("menuitem", name=view).click()
+        x = place_at_rest(point)["x"]
+        point.press("Shift+ArrowRight")
+        assert until(lambda x=x: point.bounding_box()["x"] > x + 5)
+        place_at_rest(point)
+
+
+def place_at_rest(locator):
+    """Return the box of an element once it no longer moves, px."""
+    box, last = locator.bounding_box(), None
+    while box != last:
+        locator.page.wait_for_timeout(500)
+        last, box = box, locator.bounding_box()
+    return box

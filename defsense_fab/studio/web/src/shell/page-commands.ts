@@ -9,7 +9,7 @@ import { isDark, theme } from "../state/theme";
 import { isKeyHelpOpen, isPaletteOpen } from "../ui/command-palette";
 import { startIntroduction } from "./introduction";
 import { doNext } from "./next-button";
-import { enterRegion, focusHeading } from "./regions";
+import { enterRegion, focusHeading, isInField, leaveField } from "./regions";
 
 /** Selected items that the scene shows, and that can be hidden there. */
 const visibleItems = () => selection.value.filter(({ kind }) => kind !== "pose");
@@ -93,6 +93,15 @@ export const pageCommands = (): readonly Command[] => [
     when: () => !isJobActive.value,
     run: () => void run(connection.send("start-build", { stage })),
   })),
+  {
+    id: "leave-field",
+    label: "Restore a field; again: leave it, to the scene",
+    group: "Edit",
+    shortcut: "Escape",
+    worksInFields: true,
+    when: isInField,
+    run: leaveField,
+  },
   {
     id: "next-panel",
     label: "Go to the next panel",

@@ -55,3 +55,15 @@ export function focusHeading(): boolean {
   heading.focus();
   return true;
 }
+
+/** Whether the focus is in a field in which text is typed or a value is chosen. */
+export function isInField(): boolean {
+  const element = document.activeElement;
+  const isTyped = element instanceof HTMLInputElement && !["checkbox", "radio"].includes(element.type);
+  return isTyped || Boolean(element?.matches("select, textarea"));
+}
+
+/** Leave a field, to the scene. */
+export function leaveField(): void {
+  if (!focusScene()) (document.activeElement as HTMLElement | null)?.blur();
+}
