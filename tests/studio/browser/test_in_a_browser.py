@@ -147,6 +147,43 @@ def test_a_cord_is_deleted_and_restored_by_keys(open_sensors, folder):
     expect(cord(page, "left")).to_have_count(0)
 
 
+def test_a_cord_is_drawn_by_keys(open_sensors, folder):
+    page = open_sensors()
+    keys = page.keyboard
+    scene = page.get_by_role("application")
+    middle(page.get_by_role("img", name=SCALE))  # until the body is shown
+    keys.press("d")
+    expect(scene).to_be_focused()
+    expect(scene).to_have_accessible_name(re.compile("arrow keys move the pen"))
+    keys.press("z")
+    expect(page.get_by_role("radio", name="z", exact=True)).to_be_checked()
+    keys.press("Shift+PageUp")
+    expect(page.get_by_role("slider", name="Offset of the plane")).to_have_value("5")
+    for key, count in (("Shift+ArrowLeft", 14), ("Shift+ArrowDown", 2), ("Space", 1)):
+        for _ in range(count):
+            keys.press(key)
+    page.get_by_text("Point 1 at x 5.0, y -10.0 mm").wait_for(state="attached")
+    for _ in range(28):
+        keys.press("Shift+ArrowRight")
+    keys.press("Space")
+    keys.press("Backspace")
+    page.get_by_text("Point 2 removed").wait_for(state="attached")
+    keys.press("ArrowUp")
+    keys.press("Enter")
+    assert len(load_device(folder).sensors) == 2
+    keys.press("Enter")
+    page.get_by_text("cord added").wait_for(state="attached")
+    added = load_device(folder).sensors[-1]
+    assert added.plane.origin[2] == 5
+    assert added.curve.points[0] == pytest.approx((2, -10), abs=3)
+    assert added.curve.points[-1] == pytest.approx((148, -9.5), abs=3)
+    expect(scene).to_be_focused()
+    keys.press("Space")
+    keys.press("Escape")  # the point
+    keys.press("Escape")  # the mode
+    expect(page.get_by_role("radio", name="Select")).to_be_checked()
+
+
 def test_a_broken_limit_is_labeled_at_its_place(open_sensors):
     page = open_sensors()
     expect(step_button(page, "Sensors")).to_have_accessible_name(re.compile("done"))

@@ -182,7 +182,11 @@ def test_regions_are_copied_renamed_and_deleted(bench):
     assert [region.name for region in bench.state.regions] == ["base", "tip", "end"]
     assert bench.region("end").problems  # it shares points with the tip
     with raises(DeviceError, "name-invalid"):
-        bench.ask(pose_edits.RenameRegion, region="end", name="a b")
+        bench.ask(pose_edits.RenameRegion, region="end", name="a\nb")
+    bench.ask(pose_edits.RenameRegion, region="end", name="left end, étage 2")
+    assert bench.region("left end, étage 2").problems
+    assert '"left end, étage 2" = {' in bench.project.text
+    bench.ask(pose_edits.RenameRegion, region="left end, étage 2", name="end")
     with raises(DeviceError, "region-in-use"):
         bench.ask(pose_edits.DeleteRegions, regions=["end", "tip"])
     bench.ask(pose_edits.DeleteRegions, regions=["end"])

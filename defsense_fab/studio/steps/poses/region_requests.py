@@ -101,11 +101,11 @@ class RegionRequests:
 
     def _rename(self, _: Client, request: messages.RenameRegion) -> None:
         name = request.name.strip()
-        if not name.replace("_", "").replace("-", "").isalnum():
+        if not name or not name.isprintable():
             raise DeviceError(
                 f"{name!r} cannot be the name of a region",
                 code="name-invalid",
-                action="Use letters, digits, - and _ only",
+                action="Use one line of letters",
             )
         if name != request.region:
             self._session.apply(rename_region(request.region, name))

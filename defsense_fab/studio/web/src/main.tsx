@@ -5,6 +5,7 @@ import { livePage, LiveRoot } from "./live/live-root";
 import { Banners } from "./shell/banners";
 import { BrokenPage } from "./shell/broken-page";
 import { CordQuestion } from "./shell/cord-question";
+import { keepFocus } from "./shell/focus-keeper";
 import { JobStrip } from "./shell/job-strip";
 import { QuestionDialog } from "./shell/question-dialog";
 import { Shell } from "./shell/shell";
@@ -52,4 +53,5 @@ function App() {
 }
 
 listenForKeys();
+keepFocus();
 render(<App />, document.getElementById("app")!);

@@ -91,6 +91,13 @@ export class CameraRig {
     return this.change !== null;
   }
 
+  /** Whether a change of view does more than move the camera sideways or zoom. */
+  get isTurning(): boolean {
+    if (!this.change) return false;
+    const { from, to } = this.change;
+    return from.fieldDeg !== to.fieldDeg || from.turn.angleTo(to.turn) > 1e-6;
+  }
+
   /** Whether the camera faces a plane and cannot be turned. */
   get isFacing(): boolean {
     return this.leftView !== null;

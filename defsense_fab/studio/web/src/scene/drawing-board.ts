@@ -1,6 +1,7 @@
 // A plane that faces the viewer, to draw in: grid, outline of the body, and the stroke.
 import { Plane, Vector3 } from "three";
 import { toPlane, toWorld } from "./curve";
+import { KeyboardPen } from "./keyboard-pen";
 import { Readout } from "./readout";
 import { roundLength } from "./scale-bar";
 import type { Frame } from "./types";
@@ -11,11 +12,24 @@ const MAJOR_PX = 90;
 const MINOR_PARTS = 5;
 /** Points of a stroke are at least this far apart. */
 const STEP_PX = 2;
+const HINT =
+  'Drag to draw. <span class="hint-keys">Keys: <kbd>←↑↓→</kbd> move the pen (<kbd>Shift</kbd> 5 mm), ' +
+  "<kbd>Space</kbd> puts a point, <kbd>Backspace</kbd> removes it, <kbd>Enter</kbd> on the last point " +
+  "finishes, <kbd>Esc</kbd> cancels; <kbd>X</kbd> <kbd>Y</kbd> <kbd>Z</kbd> turn the plane, " +
+  "<kbd>PgUp</kbd> <kbd>PgDn</kbd> move it</span>";
+const CANVAS_NAME =
+  "Plane to draw in; arrow keys move the pen, Space puts a point, Backspace removes the last one, " +
+  "Enter on the last point finishes, Escape cancels, X, Y and Z turn the plane, " +
+  "Page Up and Page Down move it";
+/** Height above and below the section that is left for tools and hint. */
+const MARGIN_PX = 94;
 const DIMMING = 0.16;
 const THINNING = 0.4;
 
 export class DrawingBoard {
+  readonly pen: KeyboardPen;
   private frame: Frame | null = null;
+  private readonly usualMargin: number;
   private outline: number[][][] = [];
   private stroke: number[][] = [];
   private pointer = -1;
@@ -26,6 +40,7 @@ export class DrawingBoard {
   private readonly section = path("section");
   private readonly ink = path("ink");
   private readonly numbers = document.createElementNS(SVG, "g");
+  private readonly hint = document.createElement("p");
   private readonly readout: Readout;
   private readonly stop = new AbortController();
   private readonly stopListening: () => void;
@@ -34,12 +49,22 @@ export class DrawingBoard {
     private readonly viewer: Viewer,
     private readonly onStroke: (stroke: number[][]) => void,
   ) {
+    this.usualMargin = viewer.rig.marginHeight;
     this.svg.setAttribute("class", "viewer-board");
     this.svg.setAttribute("aria-hidden", "true");
     this.svg.append(this.minor, this.major, this.axes, this.section, this.ink, this.numbers);
     this.svg.style.display = "none";
     viewer.overlay.append(this.svg);
+    this.hint.className = "viewer-hint";
+    this.hint.hidden = true;
+    this.hint.innerHTML = HINT;
+    viewer.overlay.append(this.hint);
     this.readout = new Readout(viewer);
+    const plane = {
+      isOpen: () => this.frame !== null,
+      pixel: (point: number[]) => this.pixel(point),
+    };
+    this.pen = new KeyboardPen(viewer, this.svg, plane, onStroke);
     const { canvas } = viewer;
     const { signal } = this.stop;
     canvas.addEventListener("pointerdown", (event) => this.press(event), { signal });
@@ -62,15 +87,22 @@ export class DrawingBoard {
     this.cancel();
     this.outline = [];
     this.svg.style.display = frame ? "" : "none";
+    this.hint.hidden = frame === null;
+    viewer.nameCanvas(frame ? CANVAS_NAME : null);
     viewer.canvas.classList.toggle("drawing", frame !== null);
     viewer.picker.isEnabled = frame === null;
     viewer.setPlain(frame !== null);
+    viewer.rig.marginHeight = frame ? MARGIN_PX : this.usualMargin;
     viewer.body.setDimming(frame ? DIMMING : 1);
     viewer.cords.setThinning(frame ? THINNING : 1);
     if (!frame) {
       viewer.rig.leave();
       this.readout.hide();
-    } else if (!isSameView) viewer.rig.face(frame);
+      this.pen.hide();
+    } else if (!isSameView) {
+      viewer.rig.face(frame);
+      this.pen.reset(toPlane(frame, viewer.body.box.getCenter(new Vector3()).toArray()));
+    }
     viewer.refresh();
   }
 
@@ -92,6 +124,8 @@ export class DrawingBoard {
     this.stop.abort();
     this.stopListening();
     this.readout.dispose();
+    this.pen.dispose();
+    this.hint.remove();
     this.svg.remove();
   }
 
@@ -115,6 +149,7 @@ export class DrawingBoard {
     }
     const [x, y] = this.viewer.local(event);
     const [u, v] = this.planePoint(x, y);
+    this.pen.show(false);
     this.readout.show(x, y, `x ${u!.toFixed(1)}, y ${v!.toFixed(1)} mm`);
     this.viewer.refresh();
   }
@@ -147,7 +182,7 @@ export class DrawingBoard {
 
   private place(): void {
     if (!this.frame) return;
-    const isShown = !this.viewer.rig.isChanging;
+    const isShown = !this.viewer.rig.isTurning;
     this.svg.style.visibility = isShown ? "visible" : "hidden";
     if (!isShown) return;
     this.placeGrid();
@@ -158,6 +193,7 @@ export class DrawingBoard {
     );
     const line = this.stroke.map(pixel).join("L");
     this.ink.setAttribute("d", line && `M${line}`);
+    this.pen.draw();
   }
 
   private placeGrid(): void {

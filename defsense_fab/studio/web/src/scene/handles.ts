@@ -2,6 +2,8 @@
 import { Plane, Vector3 } from "three";
 import { pointToWorld, toPlane } from "./curve";
 import { HandleButton } from "./handle-button";
+import { PointAxes } from "./point-axes";
+import { screenSteps } from "./screen-steps";
 import type { CordShape } from "./types";
 import type { Viewer } from "./viewer";
 
@@ -35,6 +37,7 @@ export class CordHandles {
   private tangents: HandleButton[] = [];
   private readonly svg = document.createElementNS(SVG, "svg");
   private readonly lines = [0, 1].map(() => document.createElementNS(SVG, "line"));
+  private readonly axisLabels: PointAxes;
   private readonly stopListening: () => void;
   private readonly at = new Vector3();
 
@@ -46,6 +49,7 @@ export class CordHandles {
     this.svg.setAttribute("aria-hidden", "true");
     this.svg.append(...this.lines);
     viewer.overlay.append(this.svg);
+    this.axisLabels = new PointAxes(viewer);
     this.stopListening = viewer.onFrame(() => this.place());
   }
 
@@ -76,6 +80,7 @@ export class CordHandles {
   dispose(): void {
     this.stopListening();
     for (const button of [...this.points, ...this.tangents]) button.dispose();
+    this.axisLabels.dispose();
     this.svg.remove();
   }
 
@@ -139,11 +144,17 @@ export class CordHandles {
     return button;
   }
 
-  /** Return a point moved in the plane of the cord, or of the view for a cord in space. */
+  /** Return a point moved along the axes that are nearest to the directions on the screen. */
   private stepped(point: number[], right: number, up: number): number[] {
-    if (this.shape!.isPlanar) return [point[0]! + right, point[1]! + up];
-    const { elements } = this.viewer.rig.camera.matrixWorld;
-    return point.map((v, k) => v + right * elements[k]! + up * elements[4 + k]!);
+    const steps = screenSteps(this.viewer.rig.camera, this.axes(), right, up);
+    return point.map((v, k) => v + steps[k]!);
+  }
+
+  /** Return the axes of the cord's coordinates: two in a plane, or those of space. */
+  private axes(): Vector3[] {
+    const { isPlanar, frame } = this.shape!;
+    const rows = isPlanar ? frame.axes.slice(0, 2) : [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+    return rows.map((row) => new Vector3().fromArray(row));
   }
 
   /** Return the point of the cord's plane, or of the view's through `near`, at a pixel. */
@@ -174,6 +185,8 @@ export class CordHandles {
   private place(): void {
     const { shape } = this;
     this.svg.style.visibility = this.tangents.length ? "visible" : "hidden";
+    const chosen = shape?.points[this.selected];
+    this.axisLabels.place(chosen ? pointToWorld(shape!, chosen) : null, chosen ? this.axes() : []);
     if (!shape) return;
     const pixels = this.pixels();
     this.points.forEach((button, i) => button.place(pixels[i]!));

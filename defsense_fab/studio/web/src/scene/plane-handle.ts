@@ -1,6 +1,7 @@
 // The handle of a plane: an arrow along its normal, and two arcs that turn it.
 import { Plane, Vector3 } from "three";
 import { HandleButton } from "./handle-button";
+import { screenStep } from "./screen-steps";
 import type { Frame } from "./types";
 import type { Viewer } from "./viewer";
 
@@ -57,7 +58,9 @@ export class PlaneHandle {
       ...end,
       onDrag: (x, y) => this.dragShift(x, y),
       onArrow: (right, up, isLarge) => {
-        const distance = (right + up) * STEP_MM * (isLarge ? LARGE_STEPS : 1);
+        const normal = this.axis(this.frame!, 2);
+        const steps = screenStep(viewer.rig.camera, normal, right, up);
+        const distance = steps * STEP_MM * (isLarge ? LARGE_STEPS : 1);
         this.report(shifted(this.frame!, distance), distanceText(distance), this.tip());
         end.onDrop();
       },
@@ -68,7 +71,8 @@ export class PlaneHandle {
         ...end,
         onDrag: (x, y) => this.dragTurn(axis, x, y),
         onArrow: (right, up, isLarge) => {
-          const degrees = (right + up) * STEP_DEG * (isLarge ? LARGE_STEPS : 1);
+          const steps = screenStep(viewer.rig.camera, this.motion(this.frame!, axis), right, up);
+          const degrees = steps * STEP_DEG * (isLarge ? LARGE_STEPS : 1);
           this.report(this.turned(this.frame!, axis, degrees), angleText(degrees), this.tip());
           end.onDrop();
         },
@@ -153,13 +157,18 @@ export class PlaneHandle {
 
   /** Return the distance of a pixel in the direction in which the arc turns, as an angle. */
   private screenAngle(frame: Frame, axis: number, x: number, y: number): number {
-    const middle = this.axis(frame, 2).add(this.axis(frame, 1 - axis));
-    const motion = this.axis(frame, axis).cross(middle);
+    const motion = this.motion(frame, axis);
     const [cx, cy] = this.viewer.project(this.center);
     const size = SIZE_PX * this.viewer.rig.mmPerPixel(this.center);
     const [mx, my] = this.viewer.project(this.center.clone().addScaledVector(motion, size));
     const length = Math.hypot(mx - cx, my - cy) || 1;
     return ((x - cx) * (mx - cx) + (y - cy) * (my - cy)) / length / SIZE_PX;
+  }
+
+  /** Return the direction in which the button of an arc moves when the plane is turned. */
+  private motion(frame: Frame, axis: number): Vector3 {
+    const middle = this.axis(frame, 2).add(this.axis(frame, 1 - axis));
+    return this.axis(frame, axis).cross(middle);
   }
 
   private axis(frame: Frame, row: number): Vector3 {

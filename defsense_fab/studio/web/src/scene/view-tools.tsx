@@ -18,7 +18,7 @@ const VIEWS: Record<ViewName, string> = {
 const NAMES = Object.keys(VIEWS) as ViewName[];
 
 /** Fit, standard views, and the projection. */
-export function ViewTools({ viewer }: { viewer: Viewer }) {
+export function ViewTools({ viewer, isCovered }: { viewer: Viewer; isCovered: boolean }) {
   const isFlat = useSignal(false);
   const switchProjection = () => {
     isFlat.value = !isFlat.peek();
@@ -51,7 +51,13 @@ export function ViewTools({ viewer }: { viewer: Viewer }) {
     })),
   ]);
   return (
-    <div class="view-tools" role="toolbar" aria-label="View" aria-orientation="vertical">
+    <div
+      class="view-tools"
+      role="toolbar"
+      aria-label="View"
+      aria-orientation="vertical"
+      hidden={isCovered}
+    >
       <IconButton
         icon="fit"
         label="Fit the view to the body"

@@ -78,7 +78,7 @@ export class Viewer {
     this.canvas.className = "viewer-canvas";
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "application");
-    this.canvas.setAttribute("aria-label", "Scene; arrow keys turn the view");
+    this.nameCanvas(null);
     this.overlay.className = "viewer-overlay";
     // Handles and labels do not keep the wheel from the camera.
     this.overlay.addEventListener("wheel", (event) => {
@@ -113,6 +113,11 @@ export class Viewer {
     this.stopTheme = onThemeChange(() => this.applyTheme());
     this.applyTheme();
     this.resize();
+  }
+
+  /** Give the picture another name for assistive technology, or its usual one. */
+  nameCanvas(name: string | null): void {
+    this.canvas.ariaLabel = name ?? "Scene; arrow keys turn the view, with Shift they move it";
   }
 
   /** Render a frame of something that moves. */

@@ -13,7 +13,11 @@ export function Inspector() {
       class={`inspector ${isPhone.value ? `sheet ${sheet.value}` : ""}`}
       aria-label={STEP_LABELS[step.value]}
     >
-      {isPhone.value && <SheetHeader />}
+      {isPhone.value ? (
+        <SheetHeader />
+      ) : (
+        <h2 class="visually-hidden step-heading">{STEP_LABELS[step.value]}</h2>
+      )}
       <div class="inspector-content" hidden={isPhone.value && sheet.value === "closed"}>
         {Content && <Content />}
         {isPhone.value && <BottomSection />}
@@ -36,7 +40,7 @@ function SheetHeader() {
         label={isLargest ? "Make the panel smaller" : "Make the panel larger"}
         onClick={() => (sheet.value = LARGER[sheet.value])}
       />
-      <h2>{STEP_LABELS[step.value]}</h2>
+      <h2 class="step-heading">{STEP_LABELS[step.value]}</h2>
       <NextButton />
       <IconButton
         icon="close"

@@ -4,12 +4,10 @@ import { connection, device, violationsByCord } from "../state/connection";
 import { isDrawerOpen, isPhone } from "../state/layout";
 import { posePictures } from "../state/pose-pictures";
 import { renaming } from "../state/renaming";
-import { run } from "../state/run";
 import {
   BODY,
   type Item,
   type ItemKind,
-  followRename,
   hovered,
   isHidden,
   isHovered,
@@ -25,6 +23,7 @@ import type { IconName } from "../ui/icons";
 import { commandEntry, openContextMenuFor } from "../ui/menu";
 import { Tree, type TreeNode } from "../ui/tree";
 import { cordMenu, deleteCords, isLocked, setLocked } from "./cord-commands";
+import { UNDERSCORE_NOTE, renameOrReason, underscored } from "./rename";
 
 const posesState = connection.event("poses-state");
 
@@ -117,7 +116,7 @@ function regionNode(name: string): TreeNode {
     color: found?.color,
     problem: found?.problems.join(" ") || undefined,
     buttons: [eye(item, name)],
-    onRename: (to) => void rename(item, to, connection.send("rename-region", { region: name, name: to })),
+    onRename: (to) => renameOrReason("region", name, to),
     onDelete: () => deleteSelected(item),
   };
 }
@@ -129,7 +128,9 @@ function poseNode(name: string): TreeNode {
     ...itemNode(item, "pose"),
     picture: posePictures.value.get(name),
     problem: found?.warning?.text,
-    onRename: (to) => void rename(item, to, connection.send("rename-pose", { pose: name, name: to })),
+    onRename: (to) => renameOrReason("pose", name, to),
+    fixName: underscored,
+    fixNote: UNDERSCORE_NOTE,
     onDelete: () => deleteSelected(item),
   };
 }
@@ -137,10 +138,6 @@ function poseNode(name: string): TreeNode {
 function deleteSelected(item: Item): void {
   if (!isSelected(item)) select(item);
   runCommand(`${item.kind}.delete`);
-}
-
-async function rename(item: Item, name: string, request: Promise<unknown>): Promise<void> {
-  if ((await run(request)) !== undefined) followRename(item, name);
 }
 
 function eye(item: Item, label: string) {
@@ -169,10 +166,7 @@ function cordNode({ name, color, free }: CordState): TreeNode {
         run: () => void setLocked(name, !isLocked(name)),
       },
     ],
-    onRename: async (to) => {
-      const answer = await run(connection.send("rename-cord", { cord: name, name: to }));
-      if (answer !== undefined) followRename(item, to);
-    },
+    onRename: (to) => renameOrReason("cord", name, to),
     onDelete: () => void deleteCords(isSelected(item) ? selectedNames("cord") : [name]),
     onMenu: (event) => {
       if (!isSelected(item)) select(item);

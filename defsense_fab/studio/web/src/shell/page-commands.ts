@@ -10,6 +10,7 @@ import { isDark, theme } from "../state/theme";
 import { isKeyHelpOpen, isPaletteOpen } from "../ui/command-palette";
 import { startIntroduction } from "./introduction";
 import { doNext } from "./next-button";
+import { enterRegion, focusHeading, isInField, leaveField } from "./regions";
 
 /** Selected items that the scene shows, and that can be hidden there. */
 const visibleItems = () => selection.value.filter(({ kind }) => kind !== "pose");
@@ -19,22 +20,6 @@ const STAGES = [
   { stage: "optimize", label: "Optimize the sensors" },
   { stage: "report", label: "Build the parts" },
 ] as const;
-
-/** The panels that F6 goes through: bar, tree, scene or stage, inspector, and the panel below. */
-const PANELS = [".top-bar", ".left-panel", ".stage", ".inspector", ".bottom-panel"];
-const FOCUSABLE = "button, [href], input, select, textarea, canvas, [tabindex]:not([tabindex='-1'])";
-
-function enterNextPanel(): void {
-  const panels = PANELS.map((name) => document.querySelector<HTMLElement>(name)).filter(
-    (panel) => panel !== null,
-  );
-  const at = panels.findIndex((panel) => panel.contains(document.activeElement));
-  for (let k = 1; k <= panels.length; k++) {
-    const items = panels[(at + k) % panels.length]!.querySelectorAll<HTMLElement>(FOCUSABLE);
-    const first = [...items].find((item) => item.checkVisibility() && item.tabIndex >= 0);
-    if (first) return first.focus();
-  }
-}
 
 export const pageCommands = (): readonly Command[] => [
   {
@@ -89,7 +74,10 @@ export const pageCommands = (): readonly Command[] => [
     label: `Go to ${STEP_LABELS[name]}`,
     group: "Steps",
     shortcut: String(index + 1),
-    run: () => enterStep(name),
+    run: () => {
+      enterStep(name);
+      setTimeout(focusHeading);
+    },
   })),
   {
     id: "next",
@@ -107,12 +95,29 @@ export const pageCommands = (): readonly Command[] => [
     run: () => void startBuild(stage),
   })),
   {
+    id: "leave-field",
+    label: "Restore a field; again: leave it, to the scene",
+    group: "Edit",
+    shortcut: "Escape",
+    worksInFields: true,
+    when: isInField,
+    run: leaveField,
+  },
+  {
     id: "next-panel",
     label: "Go to the next panel",
     group: "View",
     shortcut: "F6",
     worksInFields: true,
-    run: enterNextPanel,
+    run: () => enterRegion(1),
+  },
+  {
+    id: "previous-panel",
+    label: "Go to the previous panel",
+    group: "View",
+    shortcut: "Shift+F6",
+    worksInFields: true,
+    run: () => enterRegion(-1),
   },
   {
     id: "pause",

@@ -4,8 +4,8 @@ import { ViewTools } from "../scene/view-tools";
 import { step } from "../state/step";
 import { stepPanels } from "../steps/registry";
 
-/** The 3D scene, with what the entered step shows in it. */
-export function SceneHost() {
+/** The 3D scene, with what the entered step shows in it; keys do not reach a covered one. */
+export function SceneHost({ isCovered }: { isCovered: boolean }) {
   const host = useRef<HTMLDivElement>(null);
   useEffect(() => openStage(host.current!), []);
   const shown = viewer.value;
@@ -13,8 +13,8 @@ export function SceneHost() {
   useEffect(() => (shown && scene ? scene(shown) : undefined), [shown, scene]);
   return (
     <>
-      <div class="scene-host" ref={host} />
-      {shown && <ViewTools viewer={shown} />}
+      <div class="scene-host" ref={host} inert={isCovered} />
+      {shown && <ViewTools viewer={shown} isCovered={isCovered} />}
     </>
   );
 }

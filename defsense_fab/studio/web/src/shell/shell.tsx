@@ -8,6 +8,7 @@ import { Inspector } from "./inspector";
 import { Introduction } from "./introduction";
 import { LeftPanel } from "./left-panel";
 import { pageCommands } from "./page-commands";
+import { focusScene } from "./regions";
 import { SceneHost } from "./scene-host";
 import { TopBar } from "./top-bar";
 
@@ -18,35 +19,36 @@ export function Shell() {
   const isTreeOpen = isPhone.value ? isDrawerOpen.value : isLeftPanelOpen.value;
   return (
     <div class="shell">
+      <button type="button" class="skip-link button plain" onClick={focusScene}>
+        Skip to the scene
+      </button>
       <TopBar />
       <div class="workspace">
         {isPhone.value && isTreeOpen && (
           <div class="drawer-backdrop" onClick={() => (isDrawerOpen.value = false)} />
         )}
         {isTreeOpen && <LeftPanel />}
-        <div class="middle">
-          <main class="stage" aria-label="Scene">
-            <SceneHost />
-            {panels?.toolbar && (
-              <div class="scene-toolbar" role="toolbar" aria-label="Tools">
-                <panels.toolbar />
-              </div>
-            )}
-            {panels?.legend && (
-              <div class="scene-legend">
-                <panels.legend />
-              </div>
-            )}
-            {panels?.stage && (
-              <div class="scene-cover">
-                <panels.stage />
-              </div>
-            )}
-            <Introduction />
-          </main>
-          {!isPhone.value && <BottomPanel />}
-        </div>
+        <main class="stage" aria-label="Scene">
+          {panels?.toolbar && (
+            <div class="scene-toolbar" role="toolbar" aria-label="Tools">
+              <panels.toolbar />
+            </div>
+          )}
+          <SceneHost isCovered={panels?.stage !== undefined} />
+          {panels?.legend && (
+            <div class="scene-legend">
+              <panels.legend />
+            </div>
+          )}
+          {panels?.stage && (
+            <div class="scene-cover">
+              <panels.stage />
+            </div>
+          )}
+          <Introduction />
+        </main>
         <Inspector />
+        {!isPhone.value && <BottomPanel />}
       </div>
     </div>
   );

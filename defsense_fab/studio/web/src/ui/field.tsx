@@ -24,8 +24,9 @@ interface FieldState {
   /** Identifiers of the texts that describe the control. */
   describedBy: string | undefined;
   setError: (text: string) => void;
-  /** Wait for a value that was typed as `text`; its refusal becomes the field's error. */
-  send: (request: Promise<unknown> | void, text?: string) => Promise<void>;
+  /** Wait for a value that was typed as `text`; its refusal becomes the field's error.
+   *  Return whether it is accepted. */
+  send: (request: Promise<unknown> | void, text?: string) => Promise<boolean>;
 }
 
 /** The error of a field and its identifiers. */
@@ -40,7 +41,14 @@ export function useField(label: string, key: string | undefined, help?: string):
   };
   const send = async (request: Promise<unknown> | void, text = "") => {
     setError("");
-    if (request) await attempt(request, (refused) => setError(describe(refused, label, text)));
+    let isAccepted = true;
+    if (request) {
+      await attempt(request, (refused) => {
+        isAccepted = false;
+        setError(describe(refused, label, text));
+      });
+    }
+    return isAccepted;
   };
   const describedBy = error ? `${id}-error` : help ? `${id}-help` : undefined;
   return { id, error, describedBy, setError, send };

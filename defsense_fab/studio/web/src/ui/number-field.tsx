@@ -1,8 +1,8 @@
 import { useSignal } from "@preact/signals";
-import { useLayoutEffect } from "preact/hooks";
 import { FieldFrame, type FieldProps, useField } from "./field";
 import { type Range, formatNumber, parseNumber, rangeError, stepped } from "./number";
 import { useScrub } from "./scrub";
+import { useTypedText } from "./typed-text";
 
 interface NumberFieldProps extends FieldProps<number>, Range {
   unit?: string;
@@ -13,42 +13,38 @@ interface NumberFieldProps extends FieldProps<number>, Range {
 
 /**
  * A number with its unit. Enter and leaving commit it, Escape restores it, arrow keys and a drag on
- * the label step it. A value that is not allowed is restored and named in the error below.
+ * the label step it. A value that is not allowed stays, with the error below.
  */
 export function NumberField(props: NumberFieldProps) {
   const { label, value, onCommit, field, help, disabled, unit = "", step = 1, layout } = props;
   const state = useField(label, field, help);
-  const typed = useSignal<string | null>(null);
+  const { typed, take, refuse, restore } = useTypedText(value, () => state.setError(""));
   /** Text of a commit that is not answered yet. */
   const sent = useSignal<string | null>(null);
 
-  useLayoutEffect(() => {
-    typed.value = null;
-    state.setError("");
-  }, [value]);
-
   const commit = async () => {
-    const text = typed.value;
+    const text = take();
     if (text === null) return;
-    typed.value = null;
     const number = parseNumber(text, unit);
     const reason = number === null ? "must be a number" : rangeError(number, props, unit);
     const named = text.trim() === "" ? "nothing" : text.trim();
-    if (number === null || reason) state.setError(`${label} ${reason}; you typed ${named}`);
-    else if (number === value) state.setError("");
+    if (number === null || reason) {
+      refuse(text);
+      state.setError(`${label} ${reason}; you typed ${named}`);
+    } else if (number === value) state.setError("");
     else {
       sent.value = text;
-      await state.send(onCommit(number), named);
+      const isAccepted = await state.send(onCommit(number), named);
       sent.value = null;
+      if (!isAccepted) refuse(text);
     }
   };
 
   const onKeyDown = (event: KeyboardEvent) => {
     if (event.key === "Enter") void commit();
-    else if (event.key === "Escape" && typed.value !== null) {
+    else if (event.key === "Escape" && restore()) {
       event.preventDefault();
       event.stopPropagation();
-      typed.value = null;
       state.setError("");
     } else if (event.key === "ArrowUp" || event.key === "ArrowDown") {
       event.preventDefault();

@@ -3,6 +3,7 @@ import { useEffect } from "preact/hooks";
 import { useField } from "./field";
 import { Icon } from "./icons";
 import { type Range, formatNumber, parseNumber, rangeError } from "./number";
+import { useTypedText } from "./typed-text";
 
 interface SliderFieldProps {
   label: string;
@@ -27,13 +28,12 @@ export function SliderField(props: SliderFieldProps) {
   const { label, value, min, max, step = 1, unit = "", onInput, onCommit, disabled } = props;
   const state = useField(label, props.field, props.help);
   const dragged = useSignal<number | null>(null);
-  const typed = useSignal<string | null>(null);
+  const { typed, take, refuse, restore } = useTypedText(value, () => state.setError(""));
   const shown = dragged.value ?? value;
   const share = max > min ? (shown - min) / (max - min) : 0;
 
   useEffect(() => {
     dragged.value = null;
-    state.setError("");
   }, [value]);
 
   const release = async (number: number) => {
@@ -42,13 +42,13 @@ export function SliderField(props: SliderFieldProps) {
   };
 
   const commitTyped = () => {
-    const text = typed.value;
-    typed.value = null;
+    const text = take();
     if (text === null) return;
     const number = parseNumber(text, unit);
     const limits = props.limits ?? { min, max };
     const reason = number === null ? "must be a number" : rangeError(number, limits, unit);
     if (number === null || reason) {
+      refuse(text);
       state.setError(`${label} ${reason}; you typed ${text.trim() || "nothing"}`);
       return;
     }
@@ -77,10 +77,10 @@ export function SliderField(props: SliderFieldProps) {
           onBlur={commitTyped}
           onKeyDown={(event) => {
             if (event.key === "Enter") commitTyped();
-            else if (event.key === "Escape" && typed.value !== null) {
+            else if (event.key === "Escape" && restore()) {
               event.preventDefault();
               event.stopPropagation();
-              typed.value = null;
+              state.setError("");
             }
           }}
         />

@@ -5,6 +5,7 @@ import { useLayoutEffect, useRef } from "preact/hooks";
 import { panelState } from "../state/layout";
 import { IconButton } from "./button";
 import { Icon, type IconName } from "./icons";
+import { NameInput } from "./name-input";
 import { tooltip } from "./tooltip";
 
 export interface TreeNode {
@@ -26,9 +27,13 @@ export interface TreeNode {
   children?: readonly TreeNode[];
   onSelect?: (isAdded: boolean) => void;
   onHover?: (isHovered: boolean) => void;
-  /** Called when it is clicked twice. */
+  /** Called when it is clicked twice beside its name, which is renamed. */
   onOpen?: () => void;
-  onRename?: (name: string) => void;
+  /** Rename it; return why the name is refused, or null. */
+  onRename?: (name: string) => Promise<string | null>;
+  /** Replaces what cannot be part of the name while it is typed, and says so. */
+  fixName?: (text: string) => string;
+  fixNote?: string;
   onDelete?: () => void;
   onMenu?: (event: MouseEvent) => void;
 }
@@ -82,6 +87,10 @@ export function Tree({ label, nodes, renaming, onRenaming }: TreeProps) {
     active.value = row.node.id;
     root.current?.querySelector<HTMLElement>(`[data-node="${CSS.escape(row.node.id)}"]`)?.focus();
   };
+
+  const latestRows = useRef(rows);
+  latestRows.current = rows;
+  const focusRow = (index: number) => focus(latestRows.current[index]);
 
   // A row in focus that is renamed or deleted passes the focus to the row in its place.
   const focusedAt = useRef<number | null>(null);
@@ -147,10 +156,11 @@ export function Tree({ label, nodes, renaming, onRenaming }: TreeProps) {
             active.value = row.node.id;
             focusedAt.current = index;
           }}
-          onRenamed={(name) => {
+          onRenaming={() => onRenaming(row.node.id)}
+          onRenamed={() => {
             onRenaming(null);
-            if (name && name !== row.node.label) row.node.onRename?.(name);
-            setTimeout(() => focus(row));
+            const hadFocus = root.current?.contains(document.activeElement);
+            if (hadFocus) setTimeout(() => focusRow(index));
           }}
         />
       ))}
@@ -167,10 +177,12 @@ interface TreeRowProps extends Row {
   isActive: boolean;
   isRenaming: boolean;
   onActive: () => void;
-  onRenamed: (name: string) => void;
+  onRenaming: () => void;
+  onRenamed: () => void;
 }
 
-function TreeRow({ node, level, isActive, isRenaming, onActive, onRenamed }: TreeRowProps) {
+function TreeRow(props: TreeRowProps) {
+  const { node, level, isActive, isRenaming, onActive, onRenaming, onRenamed } = props;
   const { id, label, children, problem, buttons = [] } = node;
   return (
     <div
@@ -206,9 +218,23 @@ function TreeRow({ node, level, isActive, isRenaming, onActive, onRenamed }: Tre
         node.icon && <Icon name={node.icon} />
       )}
       {isRenaming ? (
-        <NameInput label={label} onDone={onRenamed} />
+        <NameInput
+          name={label}
+          fix={node.fixName}
+          fixNote={node.fixNote}
+          onRename={async (name) => (await node.onRename?.(name)) ?? null}
+          onDone={onRenamed}
+        />
       ) : (
-        <span class="tree-label" {...tooltip(label.length > LONG_NAME ? label : undefined)}>
+        <span
+          class="tree-label"
+          onDblClick={(event) => {
+            if (!node.onRename) return;
+            event.stopPropagation();
+            onRenaming();
+          }}
+          {...tooltip(label.length > LONG_NAME ? label : undefined)}
+        >
           {label}
         </span>
       )}
@@ -237,34 +263,4 @@ function TreeButtons({ buttons }: { buttons: readonly TreeButton[] }): Component
       }}
     />
   ));
-}
-
-/** The field of a name that is edited in place; Escape and an empty name keep the old one. */
-function NameInput({ label, onDone }: { label: string; onDone: (name: string) => void }) {
-  const isDone = useRef(false);
-  const finish = (name: string) => {
-    if (!isDone.current) onDone(name.trim());
-    isDone.current = true;
-  };
-  return (
-    <input
-      class="input tree-input"
-      aria-label={`New name of ${label}`}
-      spellcheck={false}
-      autocomplete="off"
-      defaultValue={label}
-      ref={(input) => {
-        if (!input || document.activeElement === input) return;
-        input.focus();
-        input.select();
-      }}
-      onClick={(event) => event.stopPropagation()}
-      onBlur={(event) => finish(event.currentTarget.value)}
-      onKeyDown={(event) => {
-        event.stopPropagation();
-        if (event.key === "Enter") finish(event.currentTarget.value);
-        if (event.key === "Escape") finish("");
-      }}
-    />
-  );
 }

@@ -1,7 +1,7 @@
 import { useSignal } from "@preact/signals";
-import { useLayoutEffect } from "preact/hooks";
 import { FieldFrame, useField } from "../../ui/field";
 import { formatNumber, parseNumber, type Range, rangeError } from "../../ui/number";
+import { useTypedText } from "../../ui/typed-text";
 
 interface OptionalFieldProps {
   label: string;
@@ -25,23 +25,19 @@ interface OptionalFieldProps {
 export function OptionalField(props: OptionalFieldProps) {
   const { label, field, unit, isText, value, placeholder, range, onCommit, onReset } = props;
   const state = useField(label, field);
-  const typed = useSignal<string | null>(null);
+  const { typed, take, refuse, restore } = useTypedText(value, () => undefined);
   const sent = useSignal<string | null>(null);
   const current = value === null ? "" : typeof value === "number" ? formatNumber(value) : value;
 
-  useLayoutEffect(() => {
-    typed.value = null;
-  }, [value]);
-
   const send = async (request: Promise<unknown>, text: string) => {
     sent.value = text;
-    await state.send(request, text);
+    const isAccepted = await state.send(request, text);
     sent.value = null;
+    if (!isAccepted) refuse(text);
   };
 
   const commit = async () => {
-    const text = typed.value?.trim();
-    typed.value = null;
+    const text = take()?.trim();
     if (text === undefined) return;
     if (text === current) state.setError("");
     else if (text === "") {
@@ -51,8 +47,10 @@ export function OptionalField(props: OptionalFieldProps) {
     else {
       const number = parseNumber(text, unit);
       const reason = number === null ? "must be a number" : rangeError(number, range, unit);
-      if (number === null || reason) state.setError(`${label} ${reason}; you typed ${text}`);
-      else await send(onCommit(number), text);
+      if (number === null || reason) {
+        refuse(text);
+        state.setError(`${label} ${reason}; you typed ${text}`);
+      } else await send(onCommit(number), text);
     }
   };
 
@@ -75,10 +73,9 @@ export function OptionalField(props: OptionalFieldProps) {
           onBlur={() => void commit()}
           onKeyDown={(event) => {
             if (event.key === "Enter") void commit();
-            else if (event.key === "Escape" && (typed.value !== null || state.error)) {
+            else if (event.key === "Escape" && (restore() || state.error)) {
               event.preventDefault();
               event.stopPropagation();
-              typed.value = null;
               state.setError("");
             }
           }}

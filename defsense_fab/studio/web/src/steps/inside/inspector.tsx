@@ -10,7 +10,7 @@ import { SelectField } from "../../ui/select-field";
 import { SliderField } from "../../ui/slider-field";
 import { setOffset, setPlaneOfCord, tool, view } from "./inside-state";
 import { NextCordPanel } from "./next-cord-tools";
-import { offsetOf } from "./plane";
+import { axisOf, offsetOf } from "./plane";
 import { inside } from "./section-view";
 
 const BY_ANGLE = "";
@@ -119,6 +119,7 @@ function PlaneFields() {
   return (
     <>
       <SliderField
+        key={axisOf(plane) ?? "tilted"}
         label="Offset"
         unit="mm"
         min={Math.min(low, offset)}

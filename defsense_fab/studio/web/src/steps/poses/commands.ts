@@ -5,7 +5,7 @@ import { connection } from "../../state/connection";
 import { isLeftPanelOpen } from "../../state/layout";
 import { renaming } from "../../state/renaming";
 import { run } from "../../state/run";
-import { followRename, select, selection } from "../../state/selection";
+import { select, selection } from "../../state/selection";
 import { enterStep, step } from "../../state/step";
 import { showToast } from "../../state/toasts";
 import { type MenuEntry, commandEntry } from "../../ui/menu";
@@ -37,16 +37,6 @@ export async function addRegion(shape: ShapeKind): Promise<void> {
   if (!added) return;
   enterStep("poses");
   select({ kind: "region", name: added.name });
-}
-
-export async function renamePose(pose: string, name: string): Promise<void> {
-  const answer = await run(connection.send("rename-pose", { pose, name }));
-  if (answer !== undefined) followRename({ kind: "pose", name: pose }, name);
-}
-
-export async function renameRegion(region: string, name: string): Promise<void> {
-  const answer = await run(connection.send("rename-region", { region, name }));
-  if (answer !== undefined) followRename({ kind: "region", name: region }, name);
 }
 
 export async function deletePoses(poses: string[]): Promise<void> {

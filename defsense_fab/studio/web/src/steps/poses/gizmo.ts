@@ -1,6 +1,7 @@
 // A gizmo: three rings that turn and three arrows that move, with the angle and the way shown.
 import { Plane, Vector3 } from "three";
 import { Readout } from "../../scene/readout";
+import { screenStep } from "../../scene/screen-steps";
 import type { Viewer } from "../../scene/viewer";
 import { plain, signedDegrees } from "./rotations";
 
@@ -241,16 +242,21 @@ export class Gizmo {
 
   private onKey(part: Part, event: KeyboardEvent): void {
     if (event.key === "Escape" && this.drag) this.cancel();
-    else if (event.key === "ArrowRight" || event.key === "ArrowUp") this.step(part, event, 1);
-    else if (event.key === "ArrowLeft" || event.key === "ArrowDown") this.step(part, event, -1);
+    else if (event.key === "ArrowRight") this.step(part, event, 1, 0);
+    else if (event.key === "ArrowLeft") this.step(part, event, -1, 0);
+    else if (event.key === "ArrowUp") this.step(part, event, 0, 1);
+    else if (event.key === "ArrowDown") this.step(part, event, 0, -1);
     else return;
     event.preventDefault();
     event.stopPropagation();
   }
 
-  private step(part: Part, event: KeyboardEvent, sign: number): void {
-    const unit = part.kind === "ring" ? DEGREE : 1;
-    const value = sign * unit * (event.shiftKey ? 10 : 1);
+  /** Arrows follow the screen; for rings, up and right turn by a positive angle. */
+  private step(part: Part, event: KeyboardEvent, right: number, up: number): void {
+    const isRing = part.kind === "ring";
+    const { camera } = this.viewer.rig;
+    const sign = isRing ? right + up : screenStep(camera, UNITS[part.axis]!, right, up);
+    const value = sign * (isRing ? DEGREE : 1) * (event.shiftKey ? 10 : 1);
     this.events.onStep(part.kind, UNITS[part.axis]!.clone(), value);
   }
 

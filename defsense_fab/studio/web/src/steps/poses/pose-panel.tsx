@@ -7,8 +7,9 @@ import { Icon, type IconName } from "../../ui/icons";
 import { MenuButton } from "../../ui/menu";
 import { Section } from "../../ui/section";
 import { SelectField } from "../../ui/select-field";
+import { UNDERSCORE_NOTE, rename, underscored } from "../../shell/rename";
 import { TextField } from "../../ui/text-field";
-import { poseMenu, renamePose } from "./commands";
+import { poseMenu } from "./commands";
 import { HandleFields } from "./handle-fields";
 import { Gravity, Pressures, Pulls, Symmetry } from "./load-fields";
 import { centers, chosenGrip, grip, isMeshed, regions, shapeStatus, type ShapeStatus } from "./state";
@@ -33,7 +34,13 @@ export function PosePanel({ pose }: { pose: PoseState }) {
       </header>
       <ShapeStatusLine pose={pose} />
       <Section title="Pose" name="pose.name" isOpenAtFirst={false}>
-        <TextField label="Name" value={pose.name} onCommit={(name) => renamePose(pose.name, name)} />
+        <TextField
+          label="Name"
+          value={pose.name}
+          fix={underscored}
+          fixNote={UNDERSCORE_NOTE}
+          onCommit={(name) => rename("pose", pose.name, name)}
+        />
       </Section>
       <Section title="Regions" name="pose.regions">
         {regions.value.map(({ name, color }, k) => (

@@ -5,6 +5,7 @@ import type { RegionState } from "../../protocol/messages";
 import { HandleButton } from "../../scene/handle-button";
 import { ORDER } from "../../scene/order";
 import { Readout } from "../../scene/readout";
+import { screenStep } from "../../scene/screen-steps";
 import type { Viewer } from "../../scene/viewer";
 import { connection } from "../../state/connection";
 import { run } from "../../state/run";
@@ -104,7 +105,9 @@ export function showRegionHandles(viewer: Viewer): () => void {
       onArrow: (right, up, isLarge) => {
         const found = grips();
         if (!found?.handle) return;
-        const distance = (right + up) * STEP_MM * (isLarge ? LARGE_STEPS : 1);
+        const direction = new Vector3().fromArray(found.handle.direction);
+        const steps = screenStep(viewer.rig.camera, direction, right, up);
+        const distance = steps * STEP_MM * (isLarge ? LARGE_STEPS : 1);
         void writeRegion(found.region.name, found.handle.drag(distance));
       },
     });

@@ -8,9 +8,10 @@ import { Icon } from "../../ui/icons";
 import { MenuButton } from "../../ui/menu";
 import { NumberField } from "../../ui/number-field";
 import { SelectField } from "../../ui/select-field";
+import { rename } from "../../shell/rename";
 import { TextField } from "../../ui/text-field";
 import { Section } from "../../ui/section";
-import { regionMenu, renameRegion, type ShapeKind, SHAPES } from "./commands";
+import { regionMenu, type ShapeKind, SHAPES } from "./commands";
 import { startRectangle } from "./rectangle";
 import { type RegionShape, middle } from "./region-geometry";
 import { isMeshed, posesState, sceneTool } from "./state";
@@ -39,7 +40,7 @@ export function RegionPanel({ region }: { region: RegionState }) {
         <MenuButton label={`Actions for ${region.name}`} entries={regionMenu} />
       </header>
       <Section title="Region" name="region.shape">
-        <TextField label="Name" value={region.name} onCommit={(name) => renameRegion(region.name, name)} />
+        <TextField label="Name" value={region.name} onCommit={(name) => rename("region", region.name, name)} />
         <SelectField
           label="Shape"
           value={region.shape}

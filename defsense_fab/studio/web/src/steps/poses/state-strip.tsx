@@ -1,5 +1,7 @@
 // The states below the scene: rest, each pose with its picture, and a slider from rest to the pose.
+import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { UNDERSCORE_NOTE, renameOrReason, underscored } from "../../shell/rename";
 import { device } from "../../state/connection";
 import { posePictures } from "../../state/pose-pictures";
 import { clearSelection, isSelected, select } from "../../state/selection";
@@ -7,6 +9,7 @@ import { IconButton } from "../../ui/button";
 import { Icon } from "../../ui/icons";
 import { openContextMenuFor } from "../../ui/menu";
 import { tooltip } from "../../ui/tooltip";
+import { NameInput } from "../../ui/name-input";
 import { poseMenu } from "./commands";
 import { isLoading, isPlaying, playRamp, ramp, setShare, share } from "./ramp";
 import { isMeshed, isSolving, picturesState, posesState, shownPose, shownState, simulatedStates } from "./state";
@@ -54,6 +57,7 @@ interface PoseCardProps {
 
 function PoseCard({ name, label, problem, isChosen, onChoose, onMenu }: PoseCardProps) {
   const card = useRef<HTMLButtonElement>(null);
+  const isRenaming = useSignal(false);
   useEffect(() => {
     // Only sideways: on a phone the cards are at the end of a long panel.
     const [element, list] = [card.current, card.current?.parentElement];
@@ -62,6 +66,24 @@ function PoseCard({ name, label, problem, isChosen, onChoose, onMenu }: PoseCard
     const first = element.offsetLeft - list.offsetLeft;
     list.scrollLeft = Math.min(Math.max(list.scrollLeft, last + CARD_GAP_PX), first - CARD_GAP_PX);
   }, [isChosen]);
+  const rename = () => (isRenaming.value = name !== "");
+  if (isRenaming.value) {
+    return (
+      <div class="pose-card renaming">
+        <PosePicture name={name} />
+        <NameInput
+          name={name}
+          fix={underscored}
+          fixNote={UNDERSCORE_NOTE}
+          onRename={(to) => renameOrReason("pose", name, to)}
+          onDone={() => {
+            isRenaming.value = false;
+            setTimeout(() => card.current?.focus());
+          }}
+        />
+      </div>
+    );
+  }
   return (
     <button
       ref={card}
@@ -71,6 +93,13 @@ function PoseCard({ name, label, problem, isChosen, onChoose, onMenu }: PoseCard
       aria-label={problem ? `${label}: ${problem}` : label}
       onClick={(event) => onChoose(event.ctrlKey || event.metaKey || event.shiftKey)}
       onContextMenu={onMenu}
+      onDblClick={rename}
+      onKeyDown={(event) => {
+        if (event.key !== "F2") return;
+        event.preventDefault();
+        event.stopPropagation();
+        rename();
+      }}
     >
       <PosePicture name={name} />
       <span class="pose-card-label">

@@ -3,8 +3,8 @@ import { runCommand } from "../../commands";
 import type { CordNumbers, CordState, Violation } from "../../protocol/messages";
 import { connection } from "../../state/connection";
 import { cordMenu } from "../../shell/cord-commands";
+import { rename } from "../../shell/rename";
 import { run } from "../../state/run";
-import { followRename } from "../../state/selection";
 import { Button } from "../../ui/button";
 import { Icon } from "../../ui/icons";
 import { MenuButton, commandEntry } from "../../ui/menu";
@@ -44,10 +44,7 @@ export function CordInspector({ cord }: { cord: CordState }) {
         <TextField
           label="Name"
           value={cord.name}
-          onCommit={async (name) => {
-            await connection.send("rename-cord", { cord: cord.name, name });
-            followRename({ kind: "cord", name: cord.name }, name);
-          }}
+          onCommit={(name) => rename("cord", cord.name, name)}
         />
         <SelectField
           label="Optimizer moves"

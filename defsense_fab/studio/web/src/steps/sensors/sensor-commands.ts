@@ -7,8 +7,9 @@ import { run } from "../../state/run";
 import { select, selectedNames } from "../../state/selection";
 import { showToast } from "../../state/toasts";
 import { type MenuEntry, commandEntry, openContextMenu } from "../../ui/menu";
-import { planeAcross } from "./planes";
+import { atOffset, offsetOf, planeAcross, type PlaneAxis } from "./planes";
 import {
+  board,
   drawingFrame,
   isDrawing,
   isPlaneShown,
@@ -32,6 +33,7 @@ export function startDrawing(isNewPath = false): void {
     return;
   }
   isRedrawing.value = isNewPath && cord !== null;
+  viewer.peek()?.canvas.focus(); // the keys of the pen
   if (cord?.isPlanar) {
     drawingFrame.value = { origin: cord.origin, axes: cord.axes };
     return;
@@ -53,6 +55,28 @@ interface Vector {
 
 export function stopDrawing(): void {
   drawingFrame.value = null;
+}
+
+/** Discard what is drawn; if nothing is, stop drawing. */
+function cancelDrawing(): void {
+  const open = board.peek();
+  if (open?.isDrawing) open.cancel();
+  else if (open?.pen.points.peek().length) open.pen.clear();
+  else stopDrawing();
+}
+
+/** Draw in the plane across an axis, through the middle of the body. */
+export function choosePlane(axis: PlaneAxis): void {
+  const box = viewer.peek()?.body.box;
+  if (!box) return;
+  drawingFrame.value = planeAcross(axis, middleOf(box));
+  board.peek()?.pen.announce(`Plane across ${axis}`);
+}
+
+function movePlane(by: number): void {
+  const frame = atOffset(drawingFrame.peek()!, offsetOf(drawingFrame.peek()!) + by);
+  drawingFrame.value = frame;
+  board.peek()?.pen.announce(`Plane at ${offsetOf(frame).toFixed(1)} mm`);
 }
 
 /** Add a control point in the longest span, or in the one after the selected point. */
@@ -82,10 +106,64 @@ function openMirrorMenu(): void {
   openContextMenu(point, "Mirror across", entries);
 }
 
+const PLANE_STEP_MM = 0.5;
+const LARGE_PLANE_STEP_MM = 5;
+const PLANE_MOVES = [
+  { name: "up", label: "Move the plane up", key: "PageUp", by: PLANE_STEP_MM },
+  { name: "down", label: "Move the plane down", key: "PageDown", by: -PLANE_STEP_MM },
+  { name: "far-up", label: "Move the plane up by 5 mm", key: "Shift+PageUp", by: LARGE_PLANE_STEP_MM },
+  {
+    name: "far-down",
+    label: "Move the plane down by 5 mm",
+    key: "Shift+PageDown",
+    by: -LARGE_PLANE_STEP_MM,
+  },
+];
+
+/** Commands while a plane is drawn in. */
+const drawingCommands = (): readonly Command[] => [
+  {
+    id: "sensor.finish",
+    label: "Finish the cord",
+    hint: "End the cord at the last point",
+    group: "Drawing",
+    when: () => (board.value?.pen.points.value.length ?? 0) > 1,
+    run: () => board.peek()?.pen.finish(),
+  },
+  {
+    id: "sensor.stop",
+    label: "Discard the points, or stop drawing",
+    group: "Drawing",
+    shortcut: "Escape",
+    isLocal: true,
+    when: () => isDrawing.value,
+    run: cancelDrawing,
+  },
+  ...(["x", "y", "z"] as const).map((axis) => ({
+    id: `sensor.plane-${axis}`,
+    label: `Draw in the plane across ${axis}`,
+    group: "Drawing",
+    shortcut: axis.toUpperCase(),
+    isLocal: true,
+    when: () => isDrawing.value,
+    run: () => choosePlane(axis),
+  })),
+  ...PLANE_MOVES.map(({ name, label, key, by }) => ({
+    id: `sensor.plane-${name}`,
+    label,
+    group: "Drawing",
+    shortcut: key,
+    isLocal: true,
+    when: () => isDrawing.value,
+    run: () => movePlane(by),
+  })),
+];
+
 const hasCord = () => selectedCord.value !== null;
 const canPropose = () => Boolean(prediction.value?.isReady) && proposalShare.value === null;
 
 export const sensorCommands = (): readonly Command[] => [
+  ...drawingCommands(),
   {
     id: "sensor.draw",
     label: "Draw a cord",

@@ -1,12 +1,16 @@
 // What the step Sensors keeps in this browser.
 import { computed, signal } from "@preact/signals";
 import type { CordState, Judgement } from "../../protocol/messages";
+import type { DrawingBoard } from "../../scene/drawing-board";
 import type { Frame } from "../../scene/types";
 import { connection, device, prediction } from "../../state/connection";
 import { selectedNames } from "../../state/selection";
 
 /** The plane that is drawn in; null while cords are selected and moved. */
 export const drawingFrame = signal<Frame | null>(null);
+
+/** The board in the scene, while the step is entered. */
+export const board = signal<DrawingBoard | null>(null);
 
 /** Whether a stroke is drawn as the new path of the selected cord. */
 export const isRedrawing = signal(false);

@@ -1,27 +1,27 @@
 // The tools on the scene: select or draw, the plane that is drawn in, and the view.
 import { effect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { useCommands } from "../../commands";
+import { runCommand, useCommands } from "../../commands";
 import { DrawingBoard } from "../../scene/drawing-board";
 import { cordMenuEntries, viewer } from "../../scene/stage";
 import { cordMenu } from "../../shell/cord-commands";
 import { connection } from "../../state/connection";
 import { run } from "../../state/run";
 import { select } from "../../state/selection";
-import { IconButton } from "../../ui/button";
+import { Button, IconButton } from "../../ui/button";
 import { SegmentedControl } from "../../ui/choices";
 import { CordEditor } from "./cord-editor";
 import { HeatMapTools, heatMap } from "./heat-map";
 import { showLimits } from "./limit-labels";
-import { axisAcross, atOffset, offsetOf, planeAcross, type PlaneAxis } from "./planes";
+import { axisAcross, atOffset, offsetOf, type PlaneAxis } from "./planes";
 import {
-  middleOf,
+  choosePlane,
   sensorCommands,
   sensorMenu,
   startDrawing,
   stopDrawing,
 } from "./sensor-commands";
-import { drawingFrame, isDrawing, isRedrawing, selectedCord } from "./state";
+import { board, drawingFrame, isDrawing, isRedrawing, selectedCord } from "./state";
 
 /** The tools; while they are on the page, cords can be edited in the scene. */
 export function SensorsToolbar() {
@@ -74,7 +74,7 @@ function PlaneTools() {
           },
         ]}
         onChange={(name: PlaneAxis | "cord") => {
-          if (name !== "cord") drawingFrame.value = planeAcross(name, middleOf(box));
+          if (name !== "cord") choosePlane(name);
           else if (cord) drawingFrame.value = { origin: cord.origin, axes: cord.axes };
         }}
       />
@@ -96,6 +96,16 @@ function PlaneTools() {
         />
         <output>{value.toFixed(1)} mm</output>
       </label>
+      {(board.value?.pen.points.value.length ?? 0) > 0 && (
+        <Button
+          disabled={board.value!.pen.points.value.length < 2}
+          hint="End the cord at the last point"
+          shortcut="Enter"
+          onClick={() => runCommand("sensor.finish")}
+        >
+          Finish
+        </Button>
+      )}
       <IconButton icon="close" label="Stop drawing" shortcut="Escape" onClick={stopDrawing} />
       <HeatMapTools />
     </>
@@ -105,16 +115,17 @@ function PlaneTools() {
 /** Let cords be dragged, drawn and judged in a scene; return a function to stop. */
 function editCords(scene: NonNullable<typeof viewer.value>): () => void {
   const editor = new CordEditor(scene);
-  const board = new DrawingBoard(scene, (stroke) => void addStroke(stroke, board));
+  const drawing = new DrawingBoard(scene, (stroke) => void addStroke(stroke, drawing));
+  board.value = drawing;
   cordMenuEntries.value = () => [...sensorMenu(), "separator", ...cordMenu()];
   const stops = [
     effect(() => {
       const frame = drawingFrame.value;
-      board.open(frame);
+      drawing.open(frame);
       if (!frame) return;
       const { origin, axes } = frame;
       void run(connection.send("outline-of", { origin, axes })).then((outline) => {
-        if (outline && drawingFrame.peek() === frame) board.setOutline(outline.segments);
+        if (outline && drawingFrame.peek() === frame) drawing.setOutline(outline.segments);
       });
     }),
     heatMap.open(scene),
@@ -123,29 +134,25 @@ function editCords(scene: NonNullable<typeof viewer.value>): () => void {
     }),
     showLimits(scene),
   ];
-  const onKey = (event: KeyboardEvent) => {
-    if (event.key !== "Escape" || !isDrawing.peek()) return;
-    event.stopPropagation();
-    if (board.isDrawing) board.cancel();
-    else stopDrawing();
-  };
-  document.addEventListener("keydown", onKey, { capture: true });
   return () => {
-    document.removeEventListener("keydown", onKey, { capture: true });
     drawingFrame.value = null;
     cordMenuEntries.value = cordMenu;
     for (const stop of stops) stop();
-    board.dispose();
+    board.value = null;
+    drawing.dispose();
     editor.dispose();
   };
 }
 
-async function addStroke(stroke: number[][], board: DrawingBoard): Promise<void> {
+async function addStroke(stroke: number[][], drawing: DrawingBoard): Promise<void> {
   const frame = drawingFrame.peek();
   if (!frame) return;
   const replaces = isRedrawing.peek() ? (selectedCord.peek()?.name ?? "") : "";
   const { origin, axes } = frame;
   const added = await run(connection.send("add-stroke", { origin, axes, stroke, replaces }));
-  board.cancel();
-  if (added) select({ kind: "cord", name: added.name });
+  drawing.cancel();
+  if (!added) return;
+  drawing.pen.clear();
+  drawing.pen.announce(`${added.name} ${replaces ? "redrawn" : "added"}`);
+  select({ kind: "cord", name: added.name });
 }

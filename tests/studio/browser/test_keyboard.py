@@ -1,0 +1,194 @@
+"""The studio by keyboard: the order of the focus, and where it goes when its element disappears."""
+
+from __future__ import annotations
+
+import re
+import shutil
+
+import pytest
+
+from defsense_fab.core.device.device_file import load_device
+from tests.studio.browser.conftest import until
+from tests.studio.browser.screens import (
+    STEPS,
+    dismiss_introduction,
+    enter,
+    inspector,
+    step_button,
+)
+
+pytest.importorskip("playwright")
+from playwright.sync_api import expect
+
+pytestmark = pytest.mark.slow
+
+DESKTOP = {"width": 1280, "height": 800}
+#: The regions in their visual order.
+REGIONS = ("skip link", "bar", "tree", "scene", "inspector", "bottom", "job")
+#: The focused element: its region, name, and whether it is visible with its mark; null for none.
+FOCUSED = """() => {
+    const element = document.activeElement;
+    if (element === document.body) return null;
+    const selectors = [".skip-link", ".top-bar", "aside:has([role=tree])", "main", "aside",
+                       "section.bottom-panel", "footer"];
+    const shown = element.closest("label:has(.visually-hidden)") ?? element;
+    const { left, top, right, bottom } = shown.getBoundingClientRect();
+    const hasOutline = (node) => node && getComputedStyle(node).outlineStyle !== "none";
+    return {
+        region: selectors.findIndex((selector) => element.closest(selector)),
+        name: element.ariaLabel || element.textContent || element.id,
+        tabIndex: element.tabIndex,
+        isInside: left >= -1 && top >= -1 && right <= innerWidth + 1 && bottom <= innerHeight + 1,
+        isMarked: hasOutline(shown) || hasOutline(element.closest(".input-frame")) ||
+            element instanceof SVGElement || element.matches("canvas"),
+    };
+}"""
+MAX_TABS = 150
+
+
+@pytest.fixture
+def folder(made_bar, tmp_path):
+    return shutil.copytree(made_bar, tmp_path / "bar")
+
+
+@pytest.fixture
+def page(serve, open_page, folder):
+    page = open_page(serve(folder).url, DESKTOP)
+    dismiss_introduction(page)
+    return page
+
+
+def focused_elements(page):
+    """Press Tab from the skip link to the end of the page; return what each element is."""
+    page.get_by_role("button", name="Skip to the scene").focus()
+    found = []
+    for _ in range(MAX_TABS):
+        page.keyboard.press("Tab")
+        element = page.evaluate(FOCUSED)
+        if element is None:
+            return found
+        found.append(element)
+    raise AssertionError(f"more than {MAX_TABS} elements")
+
+
+@pytest.mark.timeout(600)
+def test_the_keyboard_follows_the_visual_order_in_each_step(page):
+    faults = []
+    for step in STEPS:
+        enter(page, step)
+        elements = focused_elements(page)
+        regions = [element["region"] for element in elements]
+        assert regions == sorted(regions), step
+        assert [REGIONS[k] for k in sorted(set(regions))][:4] == list(REGIONS[1:5]), step
+        faults += [
+            (step, element)
+            for element in elements
+            if element["tabIndex"] > 0 or not element["isInside"] or not element["isMarked"]
+        ]
+    assert not faults
+
+
+def test_the_skip_link_and_f6_lead_to_the_regions(page):
+    enter(page, "Sensors")
+    skip = page.get_by_role("button", name="Skip to the scene")
+    page.get_by_role("button", name="Hide the list of parts").press("Shift+Tab")
+    expect(skip).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("application")).to_be_focused()
+    page.keyboard.press("F6")
+    expect(inspector(page, "Sensors").get_by_role("button", name="Draw")).to_be_focused()
+    page.keyboard.press("Shift+F6")
+    page.keyboard.press("Shift+F6")
+    expect(page.get_by_role("treeitem", name="Body")).to_be_focused()
+
+
+def test_the_focus_is_not_lost(page):
+    enter(page, "Make")
+    page.keyboard.press("4")
+    expect(page.get_by_role("heading", name="Sensors", exact=True)).to_be_focused()
+    menu = page.get_by_role("button", name="Menu")
+    menu.press("Enter")
+    page.get_by_role("menuitem", name="Keyboard shortcuts").click()
+    page.get_by_role("dialog", name="Keyboard shortcuts").wait_for()
+    page.keyboard.press("Escape")
+    expect(menu).to_be_focused()
+
+    rows = {name: page.get_by_role("treeitem", name=name, exact=True) for name in ("left", "middle")}
+    rows["left"].focus()
+    page.keyboard.press("Enter")
+    delete = inspector(page, "Sensors").get_by_role("button", name="Delete", exact=True)
+    delete.press("Enter")
+    expect(rows["left"]).to_have_count(0)
+    expect(page.get_by_role("heading", name="Sensors", exact=True)).to_be_focused()
+    page.keyboard.press("Control+z")
+    rows["left"].focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Delete")
+    expect(rows["middle"]).to_be_focused()
+
+    step_button(page, "Poses").click()
+    states = page.get_by_role("group", name="States")
+    card = states.get_by_role("button", name="bend_up", exact=True)
+    card.press("Enter")
+    page.keyboard.press("Delete")
+    expect(card).to_have_count(0)
+    expect(states.locator(":focus")).to_have_count(1)
+
+
+def test_refused_names_stay_and_escape_restores_them(page, folder):
+    enter(page, "Sensors")
+    page.get_by_role("treeitem", name="left", exact=True).press("Enter")
+    field = inspector(page, "Sensors").get_by_role("textbox", name="Name")
+    field.fill("middle")
+    field.press("Enter")
+    expect(field).to_have_accessible_description(re.compile("used already"))
+    expect(field).to_have_value("middle")
+    page.keyboard.press("Escape")
+    expect(field).to_have_value("left")
+    expect(field).to_be_focused()
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("application")).to_be_focused()
+    field.fill("left, \u00e9tage 2")
+    field.press("Enter")
+    assert until(lambda: load_device(folder).sensors[0].name == "left, \u00e9tage 2")
+
+    page.get_by_role("treeitem", name="twist", exact=True).press("F2")
+    page.keyboard.type("bend_up")
+    page.keyboard.press("Enter")
+    name = page.get_by_role("textbox", name="New name of twist")
+    expect(name).to_have_accessible_description(re.compile("used already"))
+    expect(name).to_have_value("bend_up")
+    name.fill("turn left")
+    expect(name).to_have_value("turn_left")
+    expect(name).to_have_accessible_description(re.compile("Spaces become _"))
+    page.keyboard.press("Enter")
+    row = page.get_by_role("treeitem", name="turn_left", exact=True)
+    expect(row).to_be_focused()
+
+    enter(page, "Poses")
+    page.get_by_role("group", name="States").get_by_role("button", name="turn_left").dblclick()
+    page.keyboard.type("twist")
+    page.keyboard.press("Enter")
+    assert until(lambda: [pose.name for pose in load_device(folder).poses] == ["bend_up", "twist"])
+
+
+def test_arrow_keys_move_a_point_as_the_screen_shows_it(page):
+    enter(page, "Sensors")
+    page.get_by_role("treeitem", name="left", exact=True).press("Enter")
+    point = page.get_by_role("button", name="left, point 4 of 8")
+    for view in ("Top", "Back"):
+        page.get_by_role("button", name="Standard views").click()
+        page.get_by_role("menuitem", name=view).click()
+        x = place_at_rest(point)["x"]
+        point.press("Shift+ArrowRight")
+        assert until(lambda x=x: point.bounding_box()["x"] > x + 5)
+        place_at_rest(point)
+
+
+def place_at_rest(locator):
+    """Return the box of an element once it no longer moves, px."""
+    box, last = locator.bounding_box(), None
+    while box != last:
+        locator.page.wait_for_timeout(500)
+        last, box = box, locator.bounding_box()
+    return box
