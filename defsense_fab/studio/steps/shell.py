@@ -21,10 +21,12 @@ class ShellStep(Step):
     Attributes:
         has_violations: Whether the drawn cords break a limit; set by the step Sensors.
         is_optimized: Whether the drawn cords are the optimized ones; set by the step Optimize.
+        misfit: What of regions and poses lies outside the body; set by BodyFitStep.
     """
 
     has_violations = False
     is_optimized = False
+    misfit = ""
 
     @property
     def handlers(self) -> Mapping[type[Request], Handler]:
@@ -87,6 +89,12 @@ class ShellStep(Step):
             self.is_optimized = is_optimized
             self.publish_pipeline()
 
+    def show_misfit(self, misfit: str) -> None:
+        """Follow what of regions and poses lies outside the body."""
+        if misfit != self.misfit:
+            self.misfit = misfit
+            self.publish_pipeline()
+
     def publish_pipeline(self) -> None:
         """Publish the state of the steps, and what to do next."""
         session, device = self.session, self.session.device
@@ -99,6 +107,7 @@ class ShellStep(Step):
                     cords=len(device.sensors),
                     proposed=device.propose,
                     has_violations=self.has_violations,
+                    misfit=self.misfit,
                     is_optimized=self.is_optimized,
                     noun=device.cord.noun,
                     has_model=(session.project.folder / MODEL).exists(),

@@ -1,6 +1,6 @@
 import { runCommand } from "../commands";
 import type { CordState } from "../protocol/messages";
-import { connection, device, violationsByCord } from "../state/connection";
+import { connection, device, misfitTexts, violationsByCord } from "../state/connection";
 import { isDrawerOpen, isPhone } from "../state/layout";
 import { posePictures } from "../state/pose-pictures";
 import { renaming } from "../state/renaming";
@@ -115,7 +115,7 @@ function regionNode(name: string): TreeNode {
   return {
     ...itemNode(item, "region"),
     color: found?.color,
-    problem: found?.problems.join(" ") || undefined,
+    problem: found?.problems.join(" ") || misfitTexts.value.get(`region:${name}`),
     buttons: [eye(item, name)],
     onRename: (to) => void rename(item, to, connection.send("rename-region", { region: name, name: to })),
     onDelete: () => deleteSelected(item),
@@ -128,7 +128,7 @@ function poseNode(name: string): TreeNode {
   return {
     ...itemNode(item, "pose"),
     picture: posePictures.value.get(name),
-    problem: found?.warning?.text,
+    problem: misfitTexts.value.get(`pose:${name}`) ?? found?.warning?.text,
     onRename: (to) => void rename(item, to, connection.send("rename-pose", { pose: name, name: to })),
     onDelete: () => deleteSelected(item),
   };
