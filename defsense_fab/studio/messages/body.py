@@ -269,7 +269,7 @@ class BodyFit(Event, frozen=True, kw_only=True):
     """Whether cords, regions and poses fit the newest body.
 
     Attributes:
-        text: What does not fit, in one sentence; empty if all fits.
+        text: What does not fit a body that has changed, in one sentence; empty for nothing.
         can_fit: Whether `FitToBody` can move them, as the body that they fitted is known.
         misfits: What does not fit.
     """

@@ -85,9 +85,10 @@ class BodyFitStep(Step):
             messages.MisfitState(kind=m.kind, name=m.name, text=m.text, at=rounded(np.array(m.at)))
             for m in misfits
         ]
+        can_fit = bool(misfits) and self._box_map(device) is not None
         event = messages.BodyFit(
-            text=describe_misfits(misfits, device.cord.noun),
-            can_fit=bool(misfits) and self._box_map(device) is not None,
+            text=describe_misfits(misfits, device.cord.noun) if can_fit else "",
+            can_fit=can_fit,
             misfits=[*states, *used],
         )
         if event != self._published:

@@ -111,6 +111,16 @@ def test_cords_that_were_moved_since_stay(app):
     assert {sensor.name for sensor in app.session.device.sensors} == {"renamed", *others}
 
 
+def test_a_cord_outside_an_unchanged_body_is_no_matter_of_the_body(app):
+    wait(app)
+    name = app.session.device.sensors[0].name
+    for _ in range(8):
+        name = app.browser.ask("duplicate-cord", cord=name).name
+    wait(app)
+    assert name in names(app, "cord")
+    assert not fit(app).text
+
+
 def test_nothing_is_fitted_to_the_same_body(app):
     wait(app)
     with raises(LayoutError, "no-earlier-body"):

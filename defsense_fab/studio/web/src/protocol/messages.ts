@@ -1246,7 +1246,7 @@ export interface AssemblyProgress {
  * Whether cords, regions and poses fit the newest body.
  *
  *     Attributes:
- *         text: What does not fit, in one sentence; empty if all fits.
+ *         text: What does not fit a body that has changed, in one sentence; empty for nothing.
  *         can_fit: Whether `FitToBody` can move them, as the body that they fitted is known.
  *         misfits: What does not fit.
  */
