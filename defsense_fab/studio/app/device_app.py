@@ -11,6 +11,7 @@ from ..project.project import Project
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
 from ..steps.body.step import BodyStep
+from ..steps.body_fit import BodyFitStep
 from ..steps.inside.inside_step import InsideStep
 from ..steps.make.step import MakeStep
 from ..steps.measure.measure_step import MeasureStep
@@ -41,6 +42,7 @@ class DeviceApp:
         self.steps: tuple[Step, ...] = (
             shell,
             BodyStep(self.session),
+            BodyFitStep(self.session, shell.show_misfit),
             PosesStep(self.session),
             SensorsStep(self.session, shell.show_violations),
             InsideStep(self.session),
@@ -53,6 +55,7 @@ class DeviceApp:
             self._handlers.update(step.handlers)
             self.session.on_device_changed.append(step.on_device_changed)
             self.session.on_build_loaded.append(step.on_build_loaded)
+            self.session.on_body_changed.append(step.on_body_changed)
             self.session.on_freshness.append(step.on_freshness)
         self.session.load()
         for step in self.steps:

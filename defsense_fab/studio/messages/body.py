@@ -247,3 +247,37 @@ class ResetField(Request, frozen=True, kw_only=True):
     """Remove a key from `device.toml`, so that its default holds."""
 
     key: str
+
+
+class MisfitState(Record, frozen=True, kw_only=True):
+    """A cord, region or pose that does not fit the newest body.
+
+    Attributes:
+        kind: What it is.
+        name: Its name.
+        text: What is wrong, in one sentence.
+        at: Where (3,), mm; empty for a pose that uses a region outside the body.
+    """
+
+    kind: Literal["cord", "region", "pose"]
+    name: str
+    text: str
+    at: list[float]
+
+
+class BodyFit(Event, frozen=True, kw_only=True):
+    """Whether cords, regions and poses fit the newest body.
+
+    Attributes:
+        text: What does not fit a body that has changed, in one sentence; empty for nothing.
+        can_fit: Whether `FitToBody` can move them, as the body that they fitted is known.
+        misfits: What does not fit.
+    """
+
+    text: str
+    can_fit: bool
+    misfits: list[MisfitState]
+
+
+class FitToBody(Request, frozen=True, kw_only=True):
+    """Move cords, regions and poses as the bounding box of the body has changed."""

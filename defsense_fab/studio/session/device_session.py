@@ -51,6 +51,7 @@ class DeviceSession:
         results: Results of the last build, each read when it is first used.
         surface: The body at rest, or None until it has been made.
         is_built: Whether `surface` belongs to a build.
+        preview: The body of the present device where it differs from the built one, or None.
         judge: Predicts the error of cords; None until the poses are simulated.
         freshness: State of each stage of the build: "current", "old" or "missing".
         build_error: Error of the last build, or None.
@@ -61,6 +62,7 @@ class DeviceSession:
         on_build_started: Called when a build starts.
         on_layout_found: Called with each layout that the build's search tries, on the build's
             thread: return quickly.
+        on_body_changed: Called after a change of `preview`.
         on_freshness: Called after `freshness` was determined.
     """
 
@@ -73,6 +75,7 @@ class DeviceSession:
         self.results: Build = last_build(project.device)
         self.surface: Surface | None = None
         self.is_built = False
+        self.preview: Surface | None = None
         self.judge: LayoutJudge | None = None
         self.freshness: dict[str, str] = {}
         self.build_error: DefsenseError | None = None
@@ -81,6 +84,7 @@ class DeviceSession:
         self.on_build_loaded: list[Callable[[], None]] = []
         self.on_build_started: list[Callable[[], None]] = []
         self.on_layout_found: list[Callable[[CandidateLayout], None]] = []
+        self.on_body_changed: list[Callable[[], None]] = []
         self.on_freshness: list[Callable[[], None]] = []
         self._judge_settings = ""
         self._judge_worker = LatestWorker(self._update_judge, self.show_error)
@@ -93,6 +97,11 @@ class DeviceSession:
     def device(self) -> Device:
         """The device as of the last valid file."""
         return self.project.device
+
+    @property
+    def newest_surface(self) -> Surface | None:
+        """The body of the present device as far as it is made, or None before the first one."""
+        return self.preview or self.surface
 
     @property
     def size(self) -> float:
@@ -172,6 +181,7 @@ class DeviceSession:
                 on_end=self._end_build,
                 on_item=self._report_layout,
                 can_pause=True,
+                gives_way=stage == "mesh",  # all other stages mesh the body, too
             )
         )
         for callback in self.on_build_started:
@@ -204,6 +214,20 @@ class DeviceSession:
         self._publish_body(surface)
         self._call(self.on_build_loaded)
 
+    def show_preview(self, surface: Surface | None) -> None:
+        """Show a body that differs from the built one, or the built one again."""
+        if surface is None and self.preview is None:
+            return
+        self.preview = surface
+        self.server.publish_arrays(
+            Arrays(
+                name="body-preview",
+                arrays={} if surface is None else surface_arrays(surface),
+                facts={"isBuilt": False},
+            )
+        )
+        self._call(self.on_body_changed)
+
     def wait(self, timeout_s: float) -> bool:
         """Wait until the judge and the freshness are up to date; return False after a time."""
         return self._judge_worker.wait(timeout_s) and self._freshness_worker.wait(timeout_s)
@@ -218,6 +242,8 @@ class DeviceSession:
     def _follow_device(self, _: str) -> None:
         if self.judge is not None and judge_settings(self.device) != self._judge_settings:
             self._judge_worker.give(self.device)
+        self.build_error = None  # of the device as it was
+        self.jobs.forget_problem()
         self._call(self.on_device_changed)
         self.check_freshness()
 

@@ -132,6 +132,12 @@ class JobStrip:
         if self._background is not None:
             self._background.close()
 
+    def forget_problem(self) -> None:
+        """Forget why the last job failed, as the device has changed since."""
+        with self._lock:
+            if not self.is_running and self.job.problem is not None:
+                self._show(Job(name="", title="", state="idle"))
+
     def _still_running(self) -> DefsenseError:
         return DefsenseError(
             f"{self.job.title.lower()}: this is still running",

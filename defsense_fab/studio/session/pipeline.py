@@ -20,6 +20,7 @@ class Progress:
         proposed: Number of cords that the optimizer adds.
         can_move: Whether the optimizer may move or add cords.
         has_violations: Whether the drawn cords break a limit.
+        misfit: Which regions and poses lie outside the body, in one sentence; empty for none.
         is_optimized: Whether the drawn cords are those that the last search found.
         noun: What one sensor is called.
         has_model: Whether a model was trained.
@@ -32,6 +33,7 @@ class Progress:
     proposed: int
     can_move: bool
     has_violations: bool
+    misfit: str
     is_optimized: bool
     noun: str
     has_model: bool
@@ -58,6 +60,8 @@ def next_action(p: Progress) -> NextAction:
         return NextAction(label="Make the body", hint="Run the script of the body", step="body")
     if not p.poses:
         return NextAction(label="Add a pose", hint="A pose is a deformation to sense", step="poses")
+    if p.misfit:
+        return NextAction(label="Fix the regions", hint=p.misfit, step="poses")
     if _state(p, "simulate") != "current":
         again = " again" if _state(p, "simulate") == "old" else ""
         return NextAction(
@@ -110,6 +114,8 @@ def _poses(p: Progress) -> tuple[StepState, str]:
         return "blocked", "Make the body first"
     if not p.poses:
         return "ready", "No pose yet"
+    if p.misfit:
+        return "stale", p.misfit
     state = _state(p, "simulate")
     if state == "old":
         return "stale", "The body or the poses have changed since they were simulated"

@@ -33,6 +33,9 @@ class Step:
     def on_build_loaded(self) -> None:
         """Follow a new build, body or judge."""
 
+    def on_body_changed(self) -> None:
+        """Follow a body that differs from the built one, or its end."""
+
     def on_freshness(self) -> None:
         """Follow the result of `DeviceSession.check_freshness`."""
 

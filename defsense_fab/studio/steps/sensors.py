@@ -11,9 +11,10 @@ import numpy as np
 from ...core.curve import Hermite, catmull_rom, sample_path
 from ...core.device.device import Sensor
 from ...core.errors import DefsenseError, DeviceError, LayoutError
+from ...workflow.design.body_fit import check_cords
 from ...workflow.design.draw_cord import Snapper, fit_stroke, plane_section
-from ...workflow.design.layout_judge import JudgedLayout, LayoutCheck, LayoutJudge
-from ...workflow.view import Client, Problem, Request
+from ...workflow.design.layout_judge import LayoutJudge
+from ...workflow.view import Client, Request
 from ..background.latest_worker import LatestWorker
 from ..edits import cords as edits
 from ..edits.edit import Edit, free_name
@@ -22,13 +23,12 @@ from ..session.built_cords import built_cords
 from ..session.cord_states import is_smooth, path_points, plane_of, rounded
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
+from .judgement import describe_layout, judge
 
 _NOT_SIMULATED = "Simulate the poses to see the expected error"
+_OTHER_BODY = "The body has changed: simulate the poses again to see the expected error"
 _SNAP_DISTANCE = 0.01  # times the body's size
-_STRAIGHT_RADIUS_MM = 1000.0  # a cord with a larger radius is shown as straight
-_MAX_INLET_MM = 1e3  # an inlet that does not leave the body is infinite
 _SHIFT = 0.04  # of a copy from its original, times the body's size
-_MAX_SHOWN_PLACES = 400  # where limits are broken
 _EQUAL_PATHS_MM = 0.02  # by which equal paths may differ, as the file has three decimals
 _SNAP_TEXTS = {"surface": "surface", "middle": "middle of the body"}
 
@@ -85,6 +85,9 @@ class SensorsStep(Step):
     def on_build_loaded(self) -> None:
         self._worker.give(self.session.device.sensors)
 
+    def on_body_changed(self) -> None:
+        self.on_device_changed()
+
     def wait(self, timeout_s: float) -> bool:
         """Wait until the prediction is up to date; return False after `timeout_s`."""
         return self._worker.wait(timeout_s)
@@ -99,7 +102,7 @@ class SensorsStep(Step):
         target = np.array(request.to, float)
         _check_point(sensor, request.index, target)
         snapped_to = ""
-        if request.snap and sensor.curve.is_planar and self.session.surface is not None:
+        if request.snap and sensor.curve.is_planar and self.session.newest_surface is not None:
             snap = self._snapper_for(sensor).snap(target)
             target = snap.point
             snapped_to = _SNAP_TEXTS.get(snap.target or "", snap.cord)
@@ -130,8 +133,8 @@ class SensorsStep(Step):
 
     def _judge_drag(self, sensor: Sensor, snapped_to: str = "") -> messages.DragResult:
         cords = tuple(sensor if s.name == sensor.name else s for s in self.session.device.sensors)
-        judgement, problem = None, None
-        if self.session.judge is not None:
+        judgement, problem = self._check(cords), None
+        if judgement is None and self.session.judge is not None:
             judgement, problem = judge(self.session.judge, cords, quick=True)
         return messages.DragResult(
             points=rounded(sensor.curve.points),
@@ -143,7 +146,7 @@ class SensorsStep(Step):
         )
 
     def _snapper_for(self, sensor: Sensor) -> Snapper:
-        surface = self.session.surface
+        surface = self.session.newest_surface
         assert surface is not None
         key = (surface, sensor.name)
         if self._snapper is None or self._snapper[0] != key:
@@ -201,10 +204,10 @@ class SensorsStep(Step):
 
     def _outline(self, _: Client, request: messages.OutlineOf) -> messages.PlaneOutline:
         plane, vertices = plane_of(request.origin, request.axes), self._vertices()
-        assert self.session.surface is not None
+        assert self.session.newest_surface is not None
         local = (vertices - plane.origin) @ plane.axes
         return messages.PlaneOutline(
-            segments=rounded(plane_section(self.session.surface, plane)),
+            segments=rounded(plane_section(self.session.newest_surface, plane)),
             low=rounded(local.min(axis=0)),
             high=rounded(local.max(axis=0)),
         )
@@ -215,8 +218,8 @@ class SensorsStep(Step):
         if any(len(point) != 2 for point in request.stroke):
             raise LayoutError("a point of a stroke needs two numbers", code="invalid-point")
         stroke = np.array(request.stroke, float).reshape(-1, 2)
-        assert self.session.surface is not None
-        curve = fit_stroke(self.session.surface, plane, stroke)
+        assert self.session.newest_surface is not None
+        curve = fit_stroke(self.session.newest_surface, plane, stroke)
         if not request.replaces:
             cord = Sensor(self._free_name("cord"), plane, curve, frozenset({"path"}))
             return self._add(cord)
@@ -272,16 +275,29 @@ class SensorsStep(Step):
         return self.session.judge
 
     def _vertices(self) -> Any:
-        if self.session.surface is None:
+        if self.session.newest_surface is None:
             raise LayoutError("there is no body yet", code="no-body", action="Make the body first")
-        return self.session.surface.vertices
+        return self.session.newest_surface.vertices
 
     # Prediction, on the thread of the worker
 
+    def _check(self, sensors: Cords) -> messages.Judgement | None:
+        """Return the limits of cords in a body that is not simulated, or None if it is."""
+        session = self.session
+        surface = session.newest_surface
+        if surface is None or (session.judge is not None and session.preview is None):
+            return None
+        try:
+            check = check_cords(session.device, sensors, surface)
+        except DefsenseError:  # shown once the device is built
+            return None
+        return describe_layout(sensors, None, check)
+
     def _judge_drawn(self, sensors: Cords) -> None:
         judge_ = self.session.judge
-        if judge_ is None:
-            self._publish(is_ready=False, text=_NOT_SIMULATED)
+        if judge_ is None or self.session.preview is not None:
+            text = _NOT_SIMULATED if judge_ is None else _OTHER_BODY
+            self._publish(is_ready=False, text=text, drawn=self._check(sensors))
             return
         quick, problem = judge(judge_, sensors, quick=True)
         self._publish(drawn=quick, drawn_problem=problem, is_computing=bool(sensors))
@@ -302,50 +318,6 @@ class SensorsStep(Step):
         self.session.server.publish(self.prediction)
         drawn = self.prediction.drawn
         self._on_violations(drawn is not None and bool(drawn.violations))
-
-
-def judge(
-    judge_: LayoutJudge, sensors: Sequence[Sensor], *, quick: bool
-) -> tuple[messages.Judgement, Problem | None]:
-    """Return what is expected of cords, and why no error can be predicted, if so."""
-    check = judge_.check(sensors) if sensors else LayoutCheck((), None, (), np.zeros((0, 3)))
-    problem, judged = None, None
-    try:
-        judged = judge_.judge(sensors, quick=quick)
-    except LayoutError as error:
-        problem = Problem.of(error)
-    return _judgement(sensors, judged, check), problem
-
-
-def _judgement(
-    sensors: Sequence[Sensor], judged: JudgedLayout | None, check: LayoutCheck
-) -> messages.Judgement:
-    places = check.broken[:: len(check.broken) // _MAX_SHOWN_PLACES + 1]
-    return messages.Judgement(
-        error=None if judged is None else judged.error,
-        trained=None if judged is None else judged.trained,
-        decoder="" if judged is None else judged.decoder,
-        poses=[]
-        if judged is None
-        else [
-            messages.PoseError(pose=pose, error=mm, signals=rounded(judged.pose_signals[pose]))
-            for pose, mm in judged.pose_errors.items()
-        ],
-        cords=[
-            messages.CordNumbers(
-                name=sensor.name,
-                length=numbers.length + sum(x for x in numbers.inlets if x < _MAX_INLET_MM),
-                radius=None if numbers.min_radius >= _STRAIGHT_RADIUS_MM else numbers.min_radius,
-                wall=numbers.min_wall,
-            )
-            for sensor, numbers in zip(sensors, check.cords, strict=True)
-        ],
-        violations=[
-            messages.Violation(code=v.code, text=str(v), cords=list(v.cords), at=list(v.at))
-            for v in check.violations
-        ],
-        broken=rounded(places),
-    )
 
 
 def with_point(sensor: Sensor, index: int, point: Any) -> Sensor:

@@ -23,10 +23,12 @@ class ShellStep(Step):
     Attributes:
         has_violations: Whether the drawn cords break a limit; set by the step Sensors.
         is_optimized: Whether the drawn cords are the optimized ones; set by the step Optimize.
+        misfit: What of regions and poses lies outside the body; set by BodyFitStep.
     """
 
     has_violations = False
     is_optimized = False
+    misfit = ""
 
     @property
     def handlers(self) -> Mapping[type[Request], Handler]:
@@ -89,6 +91,12 @@ class ShellStep(Step):
             self.is_optimized = is_optimized
             self.publish_pipeline()
 
+    def show_misfit(self, misfit: str) -> None:
+        """Follow what of regions and poses lies outside the body."""
+        if misfit != self.misfit:
+            self.misfit = misfit
+            self.publish_pipeline()
+
     def publish_pipeline(self) -> None:
         """Publish the state of the steps, and what to do next."""
         session, device = self.session, self.session.device
@@ -102,6 +110,7 @@ class ShellStep(Step):
                     proposed=device.propose,
                     can_move=can_move_cords(device),
                     has_violations=self.has_violations,
+                    misfit=self.misfit,
                     is_optimized=self.is_optimized,
                     noun=device.cord.noun,
                     has_model=(session.project.folder / MODEL).exists(),

@@ -202,6 +202,31 @@ def test_a_broken_limit_is_labeled_at_its_place(open_sensors):
     expect(cord(page, "left")).to_have_attribute("aria-selected", "true")
 
 
+def test_what_lies_outside_a_changed_body_is_marked_and_fitted(open_page, studio, folder):
+    page = open_page(studio.url, size={"width": 1280, "height": 800})
+    dismiss_introduction(page)
+    enter(page, "Body")
+    text = (folder / DEVICE).read_text()
+    length = page.get_by_role("textbox", name="length, number")
+    length.fill("100")
+    length.press("Enter")
+    message = page.get_by_role("alert").filter(has_text="lie outside the new body")
+    expect(message).to_contain_text("2 cords and 1 region")
+    expect(cord(page, "left")).to_have_accessible_name(re.compile("^left: "))
+    expect(page.get_by_role("treeitem", name=re.compile("^tip: "))).to_be_visible()
+    expect(step_button(page, "Sensors")).to_have_accessible_name(re.compile("out of date"))
+    page.get_by_role("main", name="Scene").get_by_role("button", name=re.compile("^tip: ")).click()
+    message.get_by_role("button", name="Fit them to the body").click()
+    expect(message).to_have_count(0)
+    expect(page.get_by_role("treeitem", name="tip", exact=True)).to_be_visible()
+    assert load_device(folder).regions["tip"].high[0] < 105
+    undo(page).click()
+    expect(message).to_be_visible()
+    undo(page).click()
+    expect(message).to_have_count(0)
+    assert (folder / DEVICE).read_text() == text
+
+
 def test_browsers_share_the_device_and_nothing_else(open_sensors, folder):
     one, two = open_sensors(), open_sensors()
     enter(two, "Body")

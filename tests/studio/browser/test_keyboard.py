@@ -113,7 +113,9 @@ def test_the_focus_is_not_lost(page):
     page.keyboard.press("Escape")
     expect(menu).to_be_focused()
 
-    rows = {name: page.get_by_role("treeitem", name=name, exact=True) for name in ("left", "middle")}
+    rows = {
+        name: page.get_by_role("treeitem", name=name, exact=True) for name in ("left", "middle")
+    }
     rows["left"].focus()
     page.keyboard.press("Enter")
     delete = inspector(page, "Sensors").get_by_role("button", name="Delete", exact=True)

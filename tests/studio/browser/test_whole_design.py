@@ -15,6 +15,9 @@ from tests.studio.browser.conftest import until
 from tests.studio.browser.person import Person
 from tests.studio.browser.screens import dismiss_introduction, inspector, step_button
 
+pytest.importorskip("playwright")
+from playwright.sync_api import expect
+
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 
 #: Whether the path of a ring has not changed for a second.
@@ -114,8 +117,9 @@ def test_a_device_is_designed_and_exported(design, tmp_path):
     assert until(lambda: design.device.decoder == "affine")
     assert (design.device.mesh.edge_length, design.device.searches) == (20, 1)
 
-    person.click(step_button(page, "Poses"))
-    person.click(design.button("Mesh the body"))
+    design.next("Simulate the poses").wait_for()  # once the body is made
+    expect(step_button(page, "Body")).to_have_attribute("aria-current", "step")
+    person.click(step_button(page, "Poses"))  # where it is meshed
     states = page.get_by_role("group", name="States")
     person.click(states.get_by_role("button", name="bend_down"))
     person.press("Delete")

@@ -11,7 +11,7 @@ def progress(current=(), old=(), **values):
     freshness = {s: "current" if s in current else "old" if s in old else "missing" for s in STAGES}
     defaults = {
         "has_body": True, "poses": 2, "cords": 2, "proposed": 0, "can_move": True,
-        "has_violations": False,
+        "has_violations": False, "misfit": "",
         "is_optimized": False, "noun": "cord", "has_model": False,
     }  # fmt: skip
     return Progress(freshness=freshness, **{**defaults, **values})
@@ -27,6 +27,7 @@ def states(p):
         (progress(has_body=False), "body", None),
         (progress(poses=0), "poses", None),
         (progress(), "poses", "simulate"),
+        (progress((), STAGES, misfit="1 region lies outside the body"), "poses", None),
         (progress(STAGES[:3], cords=0), "sensors", None),
         (progress(STAGES[:3], cords=0, proposed=2), "optimize", "optimize"),
         (progress(STAGES[:3], has_violations=True), "sensors", None),
@@ -59,6 +60,10 @@ def test_changed_body_makes_later_steps_stale():
     assert {"body", "poses", "inside", "optimize", "make"} == {
         name for name, state in found.items() if state == "stale"
     }
+
+
+def test_region_outside_the_body_makes_the_poses_stale():
+    assert states(progress(STAGES, misfit="1 region lies outside the body"))["poses"] == "stale"
 
 
 def test_broken_limit_makes_the_sensors_stale():

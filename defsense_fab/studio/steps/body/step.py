@@ -13,11 +13,10 @@ from ....core.device.device import Device
 from ....core.errors import BodyError, DefsenseError
 from ....core.mesh import Surface
 from ....workflow.build.results import Build
-from ....workflow.view import Arrays, Client, Problem, Request
+from ....workflow.view import Client, Problem, Request
 from ...background.background_job import CANCELLED
 from ...edits.body import reset_parameter, set_parameter
 from ...messages import body as messages
-from ...session.body_arrays import surface_arrays
 from ...session.device_session import DeviceSession
 from ...session.job_strip import Work
 from ...session.step import Handler, Step
@@ -26,7 +25,6 @@ from .catalogues import catalogue_choices, catalogues, row_edit
 from .fields import device_fields, field_edit, reset_edit
 from .parameters import body_parameters, checked_value
 
-_PREVIEW = "body-preview"
 _JOB = "body"
 _State = Literal["idle", "making", "waiting", "stopped", "not-agreed", "failed"]
 
@@ -47,7 +45,6 @@ class BodyStep(Step):
         self._lock = threading.RLock()
         self._state: _State = "idle"
         self._problem: Problem | None = None
-        self._preview: Surface | None = None
         self._body_key: object = None  # settings of the last body that was made or requested
         self._script_stamp: object = _file_stamp(session.device)
         self._has_tried = self._is_outdated = False
@@ -63,7 +60,7 @@ class BodyStep(Step):
             messages.ResetParameter: lambda _, r: self.session.apply(reset_parameter(r.name)),
             messages.ChooseRow: lambda _, r: self.session.apply(row_edit(r.catalogue, r.name)),
             messages.SetField: lambda _, r: self.session.apply(
-                field_edit(r.key, r.value, self.session.device, self._newest)
+                field_edit(r.key, r.value, self.session.device, self.session.newest_surface)
             ),
             messages.ResetField: lambda _, r: self.session.apply(reset_edit(r.key)),
         }
@@ -87,7 +84,7 @@ class BodyStep(Step):
                 self._state, self._problem = "idle", None
             if is_making:
                 self._cancel()
-            self._set_preview(None)
+            self._show_preview(None)
         elif self._is_outdated:
             self._follow()
 
@@ -194,7 +191,7 @@ class BodyStep(Step):
             return
         self._state, self._problem = "idle", None
         if self.session.is_built:
-            self._set_preview(surface)
+            self._show_preview(surface)
         else:
             self.session.show_surface(surface)
         self.session.check_freshness()
@@ -217,21 +214,8 @@ class BodyStep(Step):
         value = checked_value(self.session.device.body, request.name, request.value)
         self.session.apply(set_parameter(request.name, value))
 
-    @property
-    def _newest(self) -> Surface | None:
-        return self._preview or self.session.surface
-
-    def _set_preview(self, surface: Surface | None) -> None:
-        """Show a body that differs from the built one, or the built one again."""
-        if surface is not None or self._preview is not None:
-            self._preview = surface
-            self.session.server.publish_arrays(
-                Arrays(
-                    name=_PREVIEW,
-                    arrays={} if surface is None else surface_arrays(surface),
-                    facts={"isBuilt": False},
-                )
-            )
+    def _show_preview(self, surface: Surface | None) -> None:
+        self.session.show_preview(surface)
         self._publish_status()
 
     def _set_state(self, state: _State, error: DefsenseError | None = None) -> None:
@@ -250,14 +234,14 @@ class BodyStep(Step):
         )
 
     def _publish_status(self) -> None:
-        surface = self._newest
+        surface = self.session.newest_surface
         status = messages.BodyStatus(
             state=self._state,
             text=_status_text(self._state, self.session.device),
             problem=self._problem,
             size=None if surface is None else np.ptp(surface.vertices, axis=0).tolist(),
             volume=0.0 if surface is None else surface.volume,
-            is_preview=self._preview is not None,
+            is_preview=self.session.preview is not None,
         )
         if status != self.status:
             self.status = status

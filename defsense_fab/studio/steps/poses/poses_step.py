@@ -10,6 +10,7 @@ import numpy as np
 from ....core.arrays import Float
 from ....core.errors import DefsenseError, DeviceError, LayoutError
 from ....core.mesh import Surface
+from ....workflow.design.body_fit import skin_points
 from ....workflow.design.pose_preview import PosePreview, load_preview
 from ....workflow.design.pose_ramp import load_state_shape
 from ....workflow.view import Arrays, Client, Request
@@ -70,6 +71,14 @@ class PosesStep(Step):
         return _NO_POINTS if self.surface is None else self.surface.vertices
 
     @property
+    def newest_points(self) -> Float:
+        """Points (v, 3) mm of the newest body's surface, which need not be meshed."""
+        surface = self.session.newest_surface
+        if surface is None or (self.surface is not None and self.session.preview is None):
+            return self.points
+        return skin_points(surface)
+
+    @property
     def handlers(self) -> Mapping[type[Request], Handler]:
         return {
             **self._regions.handlers,
@@ -92,6 +101,10 @@ class PosesStep(Step):
     def on_build_loaded(self) -> None:
         self._loader.give(self._mesh_key())
         self._publish_states()
+
+    def on_body_changed(self) -> None:
+        self._warnings = {}  # of an earlier body
+        self._publish()
 
     def on_freshness(self) -> None:
         self._publish()
@@ -153,7 +166,7 @@ class PosesStep(Step):
         self.session.server.publish_arrays(Arrays(name="pose-body", arrays=arrays))
 
     def _publish(self) -> None:
-        session, points = self.session, self.points
+        session, points = self.session, self.newest_points
         size = float(np.ptp(points, axis=0).max()) if len(points) else session.size
         state = messages.PosesState(
             mesh=self._mesh_state(),

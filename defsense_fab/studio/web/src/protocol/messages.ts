@@ -40,6 +40,7 @@ export interface Protocol {
     | ExportDevice
     | FitRegion
     | FitResponse
+    | FitToBody
     | FollowRamp
     | ForgetDevice
     | GetShape
@@ -115,6 +116,7 @@ export interface Protocol {
     | WatchLive;
   event:
     | AssemblyProgress
+    | BodyFit
     | BodyParameters
     | BodyStatus
     | Catalogues
@@ -493,6 +495,13 @@ export interface FitRegion {
  */
 export interface FitResponse {
   kind: "fit-response";
+  id: number;
+}
+/**
+ * Move cords, regions and poses as the bounding box of the body has changed.
+ */
+export interface FitToBody {
+  kind: "fit-to-body";
   id: number;
 }
 /**
@@ -1248,6 +1257,35 @@ export interface WatchLive {
 export interface AssemblyProgress {
   kind: "assembly-progress";
   done: string[];
+}
+/**
+ * Whether cords, regions and poses fit the newest body.
+ *
+ *     Attributes:
+ *         text: What does not fit a body that has changed, in one sentence; empty for nothing.
+ *         can_fit: Whether `FitToBody` can move them, as the body that they fitted is known.
+ *         misfits: What does not fit.
+ */
+export interface BodyFit {
+  kind: "body-fit";
+  text: string;
+  canFit: boolean;
+  misfits: MisfitState[];
+}
+/**
+ * A cord, region or pose that does not fit the newest body.
+ *
+ *     Attributes:
+ *         kind: What it is.
+ *         name: Its name.
+ *         text: What is wrong, in one sentence.
+ *         at: Where (3,), mm; empty for a pose that uses a region outside the body.
+ */
+export interface MisfitState {
+  kind: "cord" | "pose" | "region";
+  name: string;
+  text: string;
+  at: number[];
 }
 /**
  * Where the body comes from, and the parameters of its script.
@@ -2934,6 +2972,7 @@ export interface Results {
   "export-device": ExportResult;
   "fit-region": RegionResult;
   "fit-response": null;
+  "fit-to-body": null;
   "follow-ramp": null;
   "forget-device": null;
   "get-shape": null;

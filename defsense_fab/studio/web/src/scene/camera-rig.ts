@@ -19,6 +19,8 @@ const CHANGE_MS = 320;
 const FIT_MARGIN = 1.1;
 const TOOLBAR_PX = 52;
 const FIT_STEPS = 4;
+/** Height of the view that shows a place, times the radius of the object. */
+const PLACE_SHARE = 0.6;
 const UP = new Vector3(0, 0, 1);
 const TO_Y_UP = new Quaternion().setFromUnitVectors(UP, new Vector3(0, 1, 0));
 const FROM_Y_UP = TO_Y_UP.clone().invert();
@@ -189,10 +191,10 @@ export class CameraRig {
     this.go({ ...this.goal(), fieldDeg }, true);
   }
 
-  /** Move a point to the middle, without turning. */
+  /** Move a point to the middle, without turning, and show its surroundings. */
   flyTo(point: Vector3): void {
     const view = this.goal();
-    const height = Math.min(view.height, this.bounds.radius * 1.2);
+    const height = Math.min(view.height, this.bounds.radius * PLACE_SHARE);
     this.go({ ...view, target: point.clone(), height }, true);
   }
 

@@ -1,6 +1,6 @@
 import { runCommand } from "../commands";
 import type { CordState } from "../protocol/messages";
-import { connection, device, violationsByCord } from "../state/connection";
+import { connection, device, misfitTexts, violationsByCord } from "../state/connection";
 import { isDrawerOpen, isPhone } from "../state/layout";
 import { posePictures } from "../state/pose-pictures";
 import { renaming } from "../state/renaming";
@@ -114,7 +114,7 @@ function regionNode(name: string): TreeNode {
   return {
     ...itemNode(item, "region"),
     color: found?.color,
-    problem: found?.problems.join(" ") || undefined,
+    problem: found?.problems.join(" ") || misfitTexts.value.get(`region:${name}`),
     buttons: [eye(item, name)],
     onRename: (to) => renameOrReason("region", name, to),
     onDelete: () => deleteSelected(item),
@@ -127,7 +127,7 @@ function poseNode(name: string): TreeNode {
   return {
     ...itemNode(item, "pose"),
     picture: posePictures.value.get(name),
-    problem: found?.warning?.text,
+    problem: misfitTexts.value.get(`pose:${name}`) ?? found?.warning?.text,
     onRename: (to) => renameOrReason("pose", name, to),
     fixName: underscored,
     fixNote: UNDERSCORE_NOTE,

@@ -2,6 +2,7 @@ import { useCommands } from "../commands";
 import { isDrawerOpen, isLeftPanelOpen, isPhone } from "../state/layout";
 import { step } from "../state/step";
 import { stepPanels } from "../steps/registry";
+import { BodyFitNotice } from "./body-fit-notice";
 import { BottomPanel } from "./bottom-panel";
 import { cordCommands } from "./cord-commands";
 import { Inspector } from "./inspector";
@@ -45,6 +46,7 @@ export function Shell() {
               <panels.stage />
             </div>
           )}
+          <BodyFitNotice />
           <Introduction />
         </main>
         <Inspector />

@@ -16,11 +16,17 @@ export const device = connection.event("device-state");
 export const pipeline = connection.event("pipeline");
 export const prediction = connection.event("prediction");
 export const job = connection.event("job");
+export const bodyFit = connection.event("body-fit");
 export const question = connection.event("question");
 
 /** Whether a job runs or is paused, and no other one can start. */
 export const isJobActive = computed(
   () => (job.value?.state ?? "idle") !== "idle" && !job.value?.givesWay,
+);
+
+/** What lies outside the newest body, by kind and name, such as "region:tip". */
+export const misfitTexts = computed(
+  () => new Map((bodyFit.value?.misfits ?? []).map(({ kind, name, text }) => [`${kind}:${name}`, text])),
 );
 
 /** Texts of the broken limits by the name of the cord that breaks them. */

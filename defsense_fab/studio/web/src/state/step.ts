@@ -68,6 +68,8 @@ connection.listen("page", (event) => {
   const visited = sessionStorage.getItem(`step:${folder}`) as StepName;
   isStepChosen = STEPS.includes(visited);
   if (isStepChosen) step.value = visited;
+  // A device without a body stays there when the body is made.
+  else if (pipeline.peek()?.next.step === "body") enterStep("body");
 });
 
 connection.listen("pipeline", ({ next }) => {

@@ -37,6 +37,11 @@ export function dismissToast(id: number): void {
   toasts.value = toasts.value.filter((toast) => toast.id !== id);
 }
 
+// An error of a request belongs to the device as it was then.
+connection.listen("device-state", () => {
+  toasts.value = toasts.value.filter(({ isError }) => !isError);
+});
+
 connection.listen("notice", ({ text, problem }) => {
   if (problem) showProblem(problem);
   else showToast(text);

@@ -35,7 +35,7 @@ export function BodySummary() {
         </p>
       )}
       {isPreview && !isMaking && (
-        <p class="field-help">Not built yet: other steps show the body of the last build.</p>
+        <p class="field-help">Not built yet: Inside, Optimize and Make show the body of the last build.</p>
       )}
       <div class="body-actions">
         {isMaking ? (

@@ -7,7 +7,8 @@ import { Section } from "../../ui/section";
 import { BuildBanner } from "./build-banner";
 import { GuideList } from "./guide-list";
 import { StageCard } from "./stage-card";
-import { guide, showPlace, stage } from "./state";
+import { openPlace } from "./open-place";
+import { guide, stage } from "./state";
 
 /** Titles of the lists by those of the guide. */
 const TITLES: Record<string, string> = {
@@ -39,7 +40,7 @@ function Lists({ shown, isOpen }: { shown: Guide; isOpen: boolean }) {
               <li key={text}>
                 <p>{inPageWords(text)}</p>
                 {point && (
-                  <Button variant="quiet" icon="eye" onClick={() => showPlace(point)}>
+                  <Button variant="quiet" icon="eye" onClick={() => openPlace(point, text)}>
                     Show the place
                   </Button>
                 )}

@@ -1,12 +1,11 @@
 // The inspector of the step Poses: the selected pose or region, or what there is.
-import { startBuild } from "../../state/building";
-import { isJobActive } from "../../state/connection";
 import { select, selection } from "../../state/selection";
 import { Button } from "../../ui/button";
 import { EmptyState } from "../../ui/feedback";
 import { Icon } from "../../ui/icons";
 import { Section } from "../../ui/section";
 import { addPose, addRegion, deletePoses, deleteRegions } from "./commands";
+import { MeshNotice } from "./mesh-notice";
 import { PosePanel } from "./pose-panel";
 import { ProposedPoses } from "./proposed-poses";
 import { RegionPanel } from "./region-panel";
@@ -31,29 +30,6 @@ export function PosesInspector() {
         <Overview />
       )}
     </>
-  );
-}
-
-/** A button that meshes the body, where it has no mesh or that of an earlier body. */
-function MeshNotice() {
-  const mesh = posesState.value?.mesh;
-  if (!mesh || mesh === "current") return null;
-  const text =
-    mesh === "missing"
-      ? "The body has no mesh yet. With one it follows while you change poses."
-      : "The mesh belongs to an earlier body.";
-  return (
-    <div class="notice">
-      <Icon name="info" />
-      <p>{text}</p>
-      <Button
-        disabled={isJobActive.value}
-        hint={isJobActive.value ? "Wait until the running job has ended" : "Make the mesh in the background"}
-        onClick={() => void startBuild("mesh")}
-      >
-        {mesh === "missing" ? "Mesh the body" : "Mesh it again"}
-      </Button>
-    </div>
   );
 }
 

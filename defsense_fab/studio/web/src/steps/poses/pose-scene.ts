@@ -10,6 +10,7 @@ import { isSelected, select } from "../../state/selection";
 import { openContextMenu } from "../../ui/menu";
 import { poseMenu, regionMenu } from "./commands";
 import { hoveredRegion, showPosedBody, shownVertices } from "./display";
+import { followMesh } from "./mesh";
 import { showPoseGizmo } from "./pose-gizmo";
 import { showPoseMarks } from "./pose-marks";
 import { listenForRectangles } from "./rectangle";
@@ -20,6 +21,7 @@ import { chosenGrip, followShownPose, meshedBody, regions, sceneTool, shownPose 
 /** Show the step's things in the scene; return a function that removes them. */
 export function showPoses(viewer: Viewer): () => void {
   const stops = [
+    followMesh(),
     showPosedBody(viewer),
     showRegionHandles(viewer),
     showPoseGizmo(viewer),

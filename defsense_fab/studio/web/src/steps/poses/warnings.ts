@@ -1,5 +1,6 @@
 // What is wrong with a pose, as a label and as a sentence.
 import type { PoseState } from "../../protocol/messages";
+import { misfitTexts } from "../../state/connection";
 import { poseShape, shapeStatus, shownPose } from "./state";
 
 export interface PoseProblem {
@@ -14,6 +15,8 @@ const SHORT: Record<string, string> = {
 
 /** What is wrong with a pose: as it was solved last, or as it is dragged now. */
 export function poseProblem(pose: PoseState): PoseProblem | null {
+  const misfit = misfitTexts.value.get(`pose:${pose.name}`);
+  if (misfit) return { short: "Outside the body", text: misfit };
   const shown = shownPose.value?.name === pose.name ? poseShape.value : null;
   if (shown && shapeStatus.value === "failed") {
     const share = pose.warning?.code === "pose-not-reached" ? pose.warning.share : null;

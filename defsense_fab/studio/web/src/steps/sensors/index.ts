@@ -1,5 +1,6 @@
 // The step Sensors: cords are drawn, dragged and judged.
 import { registerStep } from "../registry";
+import { showNewestBody } from "../body/scene";
 import { HeatMapLegend } from "./heat-map";
 import { SensorsInspector } from "./inspector";
 import { PredictionPanel } from "./prediction-panel";
@@ -9,6 +10,7 @@ import { SensorsToolbar } from "./toolbar";
 registerStep("sensors", {
   inspector: SensorsInspector,
   toolbar: SensorsToolbar,
+  scene: showNewestBody,
   legend: HeatMapLegend,
   bottom: PredictionPanel,
   bottomTitle: "Expected error and signals",

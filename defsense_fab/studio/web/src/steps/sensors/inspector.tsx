@@ -3,7 +3,7 @@ import { device, prediction } from "../../state/connection";
 import { selectedNames } from "../../state/selection";
 import { deleteCords } from "../../shell/cord-commands";
 import { Button } from "../../ui/button";
-import { EmptyState, ProgressBar } from "../../ui/feedback";
+import { EmptyState } from "../../ui/feedback";
 import { runCommand } from "../../commands";
 import { CordComparison } from "./comparison";
 import { CordInspector } from "./cord-inspector";
@@ -27,42 +27,35 @@ function NoCord() {
     ? `Select a ${noun} to see and change it, or add another one.`
     : `The device has no ${noun}s yet. Draw one, or let the program propose it.`;
   return (
-    <>
-      <EmptyState
-        icon="cord"
-        text={text}
-        action={
-          <span class="button-row">
-            <Button icon="draw" shortcut="D" onClick={() => runCommand("sensor.draw")}>
-              Draw
-            </Button>
-            <Button
-              icon="idea"
-              shortcut="P"
-              hint={isReady ? "Add the cord that lowers the error most" : prediction.value?.text}
-              disabled={!isReady}
-              isBusy={share !== null}
-              onClick={() => runCommand("sensor.propose")}
-            >
-              Propose
-            </Button>
-            <Button
-              variant="quiet"
-              shortcut="N"
-              hint="Add a cord along the middle of the body"
-              onClick={() => runCommand("sensor.straight")}
-            >
-              Straight
-            </Button>
-          </span>
-        }
-      />
-      {share !== null && (
-        <div class="proposal">
-          <ProgressBar label="Search for another cord" share={share} />
-        </div>
-      )}
-    </>
+    <EmptyState
+      icon="cord"
+      text={text}
+      action={
+        <span class="button-row">
+          <Button icon="draw" shortcut="D" onClick={() => runCommand("sensor.draw")}>
+            Draw
+          </Button>
+          <Button
+            icon="idea"
+            shortcut="P"
+            hint={isReady ? "Add the cord that lowers the error most" : prediction.value?.text}
+            disabled={!isReady}
+            isBusy={share !== null}
+            onClick={() => runCommand("sensor.propose")}
+          >
+            Propose
+          </Button>
+          <Button
+            variant="quiet"
+            shortcut="N"
+            hint="Add a cord along the middle of the body"
+            onClick={() => runCommand("sensor.straight")}
+          >
+            Straight
+          </Button>
+        </span>
+      }
+    />
   );
 }
 

@@ -22,15 +22,7 @@ export function PredictionPanel() {
   const state = prediction.value;
   const shown = judgement.value;
   if (!state) return null;
-  if (!state.isReady && !shown) {
-    return (
-      <div class="prediction-empty">
-        <Icon name="measure" />
-        <p>{state.text}</p>
-        <NextButton variant="plain" />
-      </div>
-    );
-  }
+  if (!state.isReady && !shown) return <NotReady />;
   return (
     <div class="prediction" aria-busy={state.isComputing}>
       <div class="prediction-summary">
@@ -38,11 +30,22 @@ export function PredictionPanel() {
         {state.drawnProblem && <p class="problem-text">{state.drawnProblem.message}</p>}
         {shown && <Limits judgement={shown} />}
       </div>
+      {!state.isReady && <NotReady />}
       {shown && shown.poses.length > 0 && (
         <div class="pose-scroll">
           <PoseTable judgement={shown} />
         </div>
       )}
+    </div>
+  );
+}
+
+function NotReady() {
+  return (
+    <div class="prediction-empty">
+      <Icon name="measure" />
+      <p>{prediction.value?.text}</p>
+      <NextButton variant="plain" />
     </div>
   );
 }

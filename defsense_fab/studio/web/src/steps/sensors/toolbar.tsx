@@ -5,11 +5,12 @@ import { runCommand, useCommands } from "../../commands";
 import { DrawingBoard } from "../../scene/drawing-board";
 import { cordMenuEntries, viewer } from "../../scene/stage";
 import { cordMenu } from "../../shell/cord-commands";
-import { connection } from "../../state/connection";
+import { connection, prediction } from "../../state/connection";
 import { run } from "../../state/run";
 import { select } from "../../state/selection";
 import { Button, IconButton } from "../../ui/button";
 import { SegmentedControl } from "../../ui/choices";
+import { ProgressBar } from "../../ui/feedback";
 import { CordEditor } from "./cord-editor";
 import { HeatMapTools, heatMap } from "./heat-map";
 import { showLimits } from "./limit-labels";
@@ -21,7 +22,7 @@ import {
   startDrawing,
   stopDrawing,
 } from "./sensor-commands";
-import { board, drawingFrame, isDrawing, isRedrawing, selectedCord } from "./state";
+import { board, drawingFrame, isDrawing, isRedrawing, proposalShare, selectedCord } from "./state";
 
 /** The tools; while they are on the page, cords can be edited in the scene. */
 export function SensorsToolbar() {
@@ -38,8 +39,31 @@ export function SensorsToolbar() {
         ]}
         onChange={(tool) => (tool === "draw" ? startDrawing() : stopDrawing())}
       />
+      {!isDrawing.value && <ProposeButton />}
       {isDrawing.value && <PlaneTools />}
     </>
+  );
+}
+
+/** Adds the best cord, whatever is selected; the bar shows how far its search is. */
+function ProposeButton() {
+  const share = proposalShare.value;
+  const isReady = prediction.value?.isReady ?? false;
+  return (
+    <span class="propose">
+      <Button
+        variant="quiet"
+        icon="idea"
+        shortcut="P"
+        hint={isReady ? "Add the cord that lowers the error most" : prediction.value?.text}
+        disabled={!isReady}
+        isBusy={share !== null}
+        onClick={() => runCommand("sensor.propose")}
+      >
+        Propose
+      </Button>
+      {share !== null && <ProgressBar label="Search for another cord" share={share} />}
+    </span>
   );
 }
 

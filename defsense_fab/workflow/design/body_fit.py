@@ -1,0 +1,176 @@
+"""Find what of a device lies outside its body, and move it with the body's bounding box."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ...core.arrays import Float
+from ...core.curve import Hermite, Plane
+from ...core.device.device import Device, PointDrag, Sensor
+from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere
+from ...core.mesh import Surface
+from ...geometry.bodies.regions import sample_skin
+from ...geometry.kernels.surface_queries import signed_distance_of
+from ...optimization.limits.verification import LayoutCheck, verify
+from ...optimization.prediction.design_task import layout_limits
+
+#: Limits that a cord breaks because the body is elsewhere.
+OUTSIDE_CODES = ("path-leaves-body", "end-far-from-surface")
+_MAX_PULL_HEIGHT_MM = 1.0  # of a pulled point above the skin: meshes deviate from the body
+_SKIN_SAMPLES = 20_000
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """A cord, region or pose that does not fit the body.
+
+    Attributes:
+        kind: What it is; a pose has a pull outside the body.
+        name: Its name.
+        text: What is wrong, in one sentence.
+        at: Where (3,), mm.
+        is_outside: Whether it is outside of the body; otherwise it ends far inside.
+    """
+
+    kind: Literal["cord", "region", "pose"]
+    name: str
+    text: str
+    at: tuple[float, float, float]
+    is_outside: bool = True
+
+
+def check_cords(device: Device, sensors: Sequence[Sensor], surface: Surface) -> LayoutCheck:
+    """Measure cords in a body that need not be simulated, and find broken limits.
+
+    Raises:
+        DeviceError: No length of channel is allowed.
+    """
+    return verify(sensors, surface, layout_limits(device))
+
+
+def skin_points(surface: Surface) -> Float:
+    """Return the vertices of a surface and points spread over it, (n, 3) mm."""
+    return np.concatenate(
+        [surface.vertices, surface.scatter(_SKIN_SAMPLES, np.random.default_rng(0))]
+    )
+
+
+def find_misfits(device: Device, surface: Surface, check: LayoutCheck | None) -> list[Misfit]:
+    """Return the cords, regions and pulls that do not fit a body.
+
+    Args:
+        device: The device.
+        surface: Surface of the body.
+        check: The cords as they were checked in this body, or None.
+    """
+    return [
+        *(_cord_misfits(check) if check is not None else ()),
+        *_region_misfits(device, surface),
+        *_pull_misfits(device, surface),
+    ]
+
+
+class BoxMap:
+    """Maps one box onto another, axis by axis.
+
+    Args:
+        before: Lowest and highest corner (2, 3), mm.
+        after: The same of the other box.
+    """
+
+    def __init__(self, before: Float, after: Float) -> None:
+        size = np.ptp(before, axis=0)
+        self._scale: Float = np.where(size > 0, np.ptp(after, axis=0) / np.maximum(size, 1e-9), 1.0)
+        self._before, self._after = before[0], after[0]
+
+    def point(self, points: Float) -> Float:
+        """Return mapped points (..., 3), mm."""
+        return np.asarray(self._after + (points - self._before) * self._scale)
+
+    def region(self, shape: Shape) -> Shape:
+        """Return a mapped region; radii follow the mean scale across."""
+        if isinstance(shape, Box):
+            return Box(self.point(shape.low), self.point(shape.high))
+        if isinstance(shape, Sphere):
+            return Sphere(self.point(shape.center), shape.radius * float(self._scale.mean()))
+        if isinstance(shape, HalfSpace):
+            return HalfSpace(self.point(shape.origin), shape.normal / self._scale)
+        axis = (shape.end - shape.start) / np.linalg.norm(shape.end - shape.start)
+        across = float((1 - axis**2) @ self._scale / 2)
+        return Cylinder(self.point(shape.start), self.point(shape.end), shape.radius * across)
+
+    def cord(self, sensor: Sensor) -> Sensor:
+        """Return a mapped cord; a planar one stays planar."""
+        points, tangents = sensor.curve.points, sensor.curve.tangents
+        if not sensor.curve.is_planar:
+            curve = Hermite(self.point(points), tangents * self._scale)
+            return replace(sensor, curve=curve)
+        old = sensor.plane
+        plane = Plane.from_normal(
+            self.point(old.origin), old.normal / self._scale, old.axes[:, 0] * self._scale
+        )
+        world = self.point(old.to_world(points)) - plane.origin
+        turned = (tangents @ old.axes[:, :2].T) * self._scale
+        return replace(
+            sensor,
+            plane=plane,
+            curve=Hermite((world @ plane.axes)[:, :2], (turned @ plane.axes)[:, :2]),
+        )
+
+    def pull(self, drag: PointDrag) -> PointDrag:
+        """Return a pull at the mapped point."""
+        return replace(drag, at=self.point(drag.at))
+
+
+def _cord_misfits(check: LayoutCheck) -> list[Misfit]:
+    found: dict[str, Misfit] = {}
+    for violation in check.violations:
+        if violation.code in OUTSIDE_CODES:
+            (name,), is_outside = violation.cords, violation.code == OUTSIDE_CODES[0]
+            misfit = Misfit("cord", name, str(violation), violation.at, is_outside)
+            found.setdefault(name, misfit)
+    return list(found.values())
+
+
+def _region_misfits(device: Device, surface: Surface) -> list[Misfit]:
+    low, high = surface.bounds
+    return [
+        Misfit(
+            "region",
+            name,
+            f"{name} holds no point of the body",
+            _place(np.clip(_middle(shape), low, high)),
+        )
+        for name, shape in device.regions.items()
+        if not len(sample_skin(shape, surface))
+    ]
+
+
+def _pull_misfits(device: Device, surface: Surface) -> list[Misfit]:
+    found = []
+    for pose in device.poses:
+        if not pose.drags:
+            continue
+        points = np.array([drag.at for drag in pose.drags])
+        depth = signed_distance_of(surface)(points)
+        if depth.min() < -_MAX_PULL_HEIGHT_MM:
+            text = f"{pose.name} pulls at a point outside the body"
+            found.append(Misfit("pose", pose.name, text, _place(points[int(depth.argmin())])))
+    return found
+
+
+def _middle(shape: Shape) -> Float:
+    if isinstance(shape, Box):
+        return (shape.low + shape.high) / 2
+    if isinstance(shape, Sphere):
+        return shape.center
+    return shape.origin if isinstance(shape, HalfSpace) else (shape.start + shape.end) / 2
+
+
+def _place(point: Float) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in point)
+    return x, y, z

@@ -1,0 +1,175 @@
+"""Cords, regions and poses are judged by the newest body, and can follow its bounding box."""
+
+import numpy as np
+import pytest
+
+from defsense_fab.core.device.regions import Cylinder, HalfSpace, Sphere
+from defsense_fab.core.errors import LayoutError
+from defsense_fab.core.mesh import Surface
+from defsense_fab.studio.messages.body import BodyFit
+from defsense_fab.studio.messages.poses import PosesState
+from defsense_fab.studio.messages.sensors import Prediction
+from defsense_fab.studio.messages.shell import Pipeline
+from defsense_fab.studio.steps.body_fit import describe_misfits
+from defsense_fab.workflow.design.body_fit import BoxMap, Misfit
+from defsense_fab.workflow.device import load_device
+from tests.support.errors import raises
+
+LONG = 60.0
+
+
+def wait(app):
+    for step in app.steps:
+        if type(step).__name__ in ("BodyFitStep", "SensorsStep"):
+            assert step.wait(LONG)
+
+
+def scale_body(app, share):
+    """Let the body be made again with a share of its length along x."""
+    wait(app)
+    surface = app.session.surface
+    vertices = surface.vertices.copy()
+    low = vertices[:, 0].min()
+    vertices[:, 0] = low + share * (vertices[:, 0] - low)
+    app.session.show_preview(Surface(vertices, surface.faces))
+    wait(app)
+
+
+def fit(app):
+    return app.server.events[BodyFit]
+
+
+def names(app, kind):
+    return {misfit.name for misfit in fit(app).misfits if misfit.kind == kind}
+
+
+def test_all_fits_the_built_body(app):
+    wait(app)
+    assert fit(app) == BodyFit(text="", can_fit=False, misfits=[])
+
+
+def test_a_shorter_body_is_what_cords_regions_and_poses_are_judged_by(app):
+    device = app.session.device
+    scale_body(app, 0.6)
+    assert names(app, "cord") == {sensor.name for sensor in device.sensors}
+    assert names(app, "region") == {"tip"}
+    assert names(app, "pose") == {pose.name for pose in device.poses}
+    cords = len(device.sensors)
+    assert fit(app).text.startswith(f"{cords} cord")
+    assert fit(app).text.endswith("and 1 region lie outside the new body")
+    assert fit(app).can_fit
+    prediction = app.server.events[Prediction]
+    assert not prediction.is_ready
+    assert {v.code for v in prediction.drawn.violations} == {"path-leaves-body"}
+    problems = {r.name: r.problems for r in app.server.events[PosesState].regions}
+    assert problems["tip"]
+    assert not problems["base"]
+    states = {step.name: step.state for step in app.server.events[Pipeline].steps}
+    assert (states["poses"], states["sensors"]) == ("stale", "stale")
+    assert app.server.events[Pipeline].next.step == "poses"
+    app.session.show_preview(None)
+    wait(app)
+    assert not fit(app).misfits
+    assert app.server.events[Prediction].is_ready
+
+
+def test_all_is_fitted_to_the_body_in_one_step_of_undo(app):
+    text, folder = app.session.project.text, app.session.project.folder
+    before = load_device(folder)
+    scale_body(app, 0.6)
+    app.browser.ask("fit-to-body")
+    wait(app)
+    after = load_device(folder)
+    assert not fit(app).misfits
+    low = app.session.surface.vertices[:, 0].min()
+    for old, new in zip(before.sensors, after.sensors, strict=True):
+        x = old.plane.to_world(old.curve.points)
+        expected = np.column_stack([low + 0.6 * (x[:, 0] - low), x[:, 1:]])
+        np.testing.assert_allclose(new.plane.to_world(new.curve.points), expected, atol=2e-3)
+    assert after.regions["tip"].high[0] < before.regions["tip"].low[0]
+    app.browser.ask("undo")
+    wait(app)
+    assert app.session.project.text == text
+    assert fit(app).can_fit  # the body that they were made for is still known
+    app.browser.ask("redo")
+    wait(app)
+    assert not fit(app).misfits
+
+
+def test_cords_that_were_moved_since_stay(app):
+    scale_body(app, 0.6)
+    moved, *others = [sensor.name for sensor in app.session.device.sensors]
+    app.browser.ask("delete-cords", cords=[moved])
+    app.browser.ask("undo")
+    app.browser.ask("rename-cord", cord=moved, name="renamed")  # another arrangement
+    wait(app)
+    base = app.session.device.regions["base"]
+    app.browser.ask("fit-to-body")
+    wait(app)
+    assert not fit(app).misfits
+    np.testing.assert_array_equal(app.session.device.regions["base"].high, base.high)
+    assert {sensor.name for sensor in app.session.device.sensors} == {"renamed", *others}
+
+
+def test_a_cord_outside_an_unchanged_body_is_no_matter_of_the_body(app):
+    wait(app)
+    name = app.session.device.sensors[0].name
+    for _ in range(8):
+        name = app.browser.ask("duplicate-cord", cord=name).name
+    wait(app)
+    assert name in names(app, "cord")
+    assert not fit(app).text
+
+
+def test_nothing_is_fitted_to_the_same_body(app):
+    wait(app)
+    with raises(LayoutError, "no-earlier-body"):
+        app.browser.ask("fit-to-body")
+
+
+def test_errors_of_the_device_as_it_was_are_forgotten(app):
+    session = app.session
+    session.build_error = LayoutError("a cord leaves the body", code="path-leaves-body")
+    app.browser.ask("rename-device", name="other")
+    assert session.build_error is None
+
+
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [
+        (Sphere(np.array([1.0, 1, 1]), 2.0), Sphere(np.array([2.0, 1, 1]), 8 / 3)),
+        (
+            HalfSpace(np.array([1.0, 0, 0]), np.array([1.0, 0, 0])),
+            HalfSpace(np.array([2.0, 0, 0]), np.array([0.5, 0, 0])),
+        ),
+        (
+            Cylinder(np.zeros(3), np.array([1.0, 0, 0]), 2.0),
+            Cylinder(np.zeros(3), np.array([2.0, 0, 0]), 2.0),
+        ),
+    ],
+)
+def test_shapes_of_regions_follow_the_box(shape, expected):
+    box_map = BoxMap(np.array([[0.0, 0, 0], [1, 1, 1]]), np.array([[0.0, 0, 0], [2, 1, 1]]))
+    moved = box_map.region(shape)
+    for name, value in vars(expected).items():
+        np.testing.assert_allclose(getattr(moved, name), value)
+
+
+def misfit(kind, *, is_outside=True):
+    return Misfit(kind, "a", "", (0.0, 0.0, 0.0), is_outside)
+
+
+@pytest.mark.parametrize(
+    ("misfits", "text"),
+    [
+        ([], ""),
+        ([misfit("cord")], "1 trace lies outside the new body"),
+        ([misfit("cord", is_outside=False)], "1 trace does not fit the new body"),
+        (
+            [misfit("cord"), misfit("cord"), misfit("region"), misfit("pose")],
+            "2 traces, 1 region and 1 pull lie outside the new body",
+        ),
+    ],
+)
+def test_misfits_are_counted(misfits, text):
+    assert describe_misfits(misfits, "trace") == text
