@@ -3,6 +3,7 @@ import { registerStep } from "../registry";
 import { HeatMapLegend } from "./heat-map";
 import { SensorsInspector } from "./inspector";
 import { PredictionPanel } from "./prediction-panel";
+import { sensorCommands } from "./sensor-commands";
 import "./sensors.css";
 import { SensorsToolbar } from "./toolbar";
 
@@ -10,6 +11,7 @@ registerStep("sensors", {
   inspector: SensorsInspector,
   toolbar: SensorsToolbar,
   legend: HeatMapLegend,
+  commands: sensorCommands,
   bottom: PredictionPanel,
   bottomTitle: "Expected error and signals",
 });
