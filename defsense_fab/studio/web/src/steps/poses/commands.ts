@@ -138,7 +138,15 @@ registerCommands([
     group: "Regions",
     run: () => void addRegion(value),
   })),
-  { id: "pose.rename", label: "Rename", group: "Poses", shortcut: "F2", when: arePoses, reason: "Select a pose first", run: startRenaming },
+  {
+    id: "pose.rename",
+    label: "Rename",
+    group: "Poses",
+    shortcut: "F2",
+    when: arePoses,
+    reason: "Select a pose first",
+    run: startRenaming,
+  },
   {
     id: "pose.duplicate",
     label: "Duplicate",
@@ -158,7 +166,15 @@ registerCommands([
     reason: "Select a pose first",
     run: () => void deletePoses(selectedPoses()),
   },
-  { id: "region.rename", label: "Rename", group: "Regions", shortcut: "F2", when: areRegions, reason: "Select a region first", run: startRenaming },
+  {
+    id: "region.rename",
+    label: "Rename",
+    group: "Regions",
+    shortcut: "F2",
+    when: areRegions,
+    reason: "Select a region first",
+    run: startRenaming,
+  },
   {
     id: "region.duplicate",
     label: "Duplicate",
