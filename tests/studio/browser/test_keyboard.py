@@ -187,6 +187,62 @@ def test_arrow_keys_move_a_point_as_the_screen_shows_it(page):
         place_at_rest(point)
 
 
+def test_the_palette_has_the_actions_of_all_steps_with_reasons(page):
+    enter(page, "Body")
+    page.keyboard.press("Control+k")
+    search = page.get_by_role("combobox", name="Search commands")
+    for name, reason in (
+        ("Export as zip", None),
+        ("Draw a cord", None),
+        ("Compare all layouts", None),
+        ("Open the print list", None),
+        ("Mirror across x", "Select a cord first"),
+        ("Train a model", "Record a session first"),
+        ("Cancel the job", "No job is running"),
+    ):
+        search.fill(name)
+        entry = page.get_by_role("option", name=name).first
+        expect(entry).to_contain_text(reason or name)
+        assert (entry.get_attribute("aria-disabled") == "true") == (reason is not None), name
+    page.keyboard.press("Enter")  # of an entry that is not possible
+    expect(search).to_be_focused()
+    search.fill("Open the print list")
+    page.keyboard.press("Enter")
+    expect(step_button(page, "Make")).to_have_attribute("aria-current", "step")
+    summary = inspector(page, "Make").locator("summary").filter(has_text="Print list")
+    expect(summary).to_be_focused()
+
+    page.keyboard.press("?")
+    help_text = page.get_by_role("dialog", name="Keyboard shortcuts")
+    rows = [row.inner_text() for row in help_text.get_by_role("row").all()]
+    assert len(rows) == len(set(rows))
+    last = help_text.get_by_role("row").last
+    expect(last).not_to_be_in_viewport()
+    page.keyboard.press("End")
+    expect(last).to_be_in_viewport()
+
+
+def test_messages_cover_no_button_and_are_dismissed_by_a_key(page):
+    enter(page, "Sensors")
+    page.get_by_role("treeitem", name="left", exact=True).press("Enter")
+    page.keyboard.press("Delete")
+    messages = page.get_by_role("region", name="Messages")
+    messages.get_by_text("Deleted left").wait_for()
+    page.wait_for_timeout(1000)  # until the page has settled
+    box = place_at_rest(messages)
+    for button in page.get_by_role("button").all():
+        other = button.bounding_box()
+        if other and button.evaluate("node => !node.closest('[popover]')"):
+            assert (
+                other["x"] >= box["x"] + box["width"]
+                or other["x"] + other["width"] <= box["x"]
+                or other["y"] >= box["y"] + box["height"]
+                or other["y"] + other["height"] <= box["y"]
+            ), button
+    page.keyboard.press("Escape")
+    expect(messages).to_be_hidden()
+
+
 def place_at_rest(locator):
     """Return the box of an element once it no longer moves, px."""
     box, last = locator.bounding_box(), None

@@ -13,7 +13,10 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.workflow.build.build import build
 from tests.studio.browser.conftest import until
 from tests.studio.browser.person import Person
-from tests.studio.browser.screens import dismiss_introduction, inspector, step_button
+from tests.studio.browser.screens import inspector, step_button
+
+pytest.importorskip("playwright")
+from playwright.sync_api import expect
 
 pytest.importorskip("playwright")
 from playwright.sync_api import expect
@@ -106,10 +109,12 @@ def check_export(design, download, copy, tmp_path):
 def test_a_device_is_designed_and_exported(design, tmp_path):
     page, person = design.page, design.person
     person.click(page.get_by_role("main").get_by_role("button", name="Bar Three cords"))
+    expect(page.get_by_text("New here?")).to_have_count(1)
     person.click(design.button("Create the device"))
-    dismiss_introduction(page)
 
     # Few elements, one decoder and one search: they take a fraction of the time.
+    page.get_by_label("Edge length", exact=True).wait_for()
+    expect(page.get_by_text("New here?")).to_have_count(0)  # it was offered on the start page
     for label, value in (("Edge length", "20"), ("Largest number of searches", "1")):
         person.click(page.get_by_label(label, exact=True))
         person.write(value)

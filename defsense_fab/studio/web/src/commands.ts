@@ -1,6 +1,7 @@
 // All commands of the page: the palette, menus, tooltips and keys read them here.
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { type StepName, enterStep, step } from "./state/step";
 
 export interface Command {
   /** Stable name, such as "cord.delete". */
@@ -17,10 +18,12 @@ export interface Command {
   worksInFields?: boolean;
   /** Whether its key removes something, and works in lists and in the scene alone. */
   isRemoving?: boolean;
-  /** Whether its key runs it before other commands, as those of the entered step. */
-  isLocal?: boolean;
+  /** The step in which its key works, before other commands; the palette enters it first. */
+  step?: StepName;
   /** Whether it can run now. */
   when?: () => boolean;
+  /** Why it cannot run, when it cannot. */
+  reason?: string | (() => string);
   run: () => void;
 }
 
@@ -48,6 +51,24 @@ export function findCommand(id: string): Command | undefined {
 
 export function isAvailable(command: Command): boolean {
   return command.when?.() ?? true;
+}
+
+/** Why a command cannot run now. */
+export function reasonAgainst({ reason }: Command): string {
+  const text = typeof reason === "function" ? reason() : reason;
+  return text || "Not possible now";
+}
+
+/** In which a step that is entered shows its tools, ms. */
+const ENTER_MS = 100;
+
+/** Run a command of any step; its step is entered first. */
+export function runAnywhere(command: Command): void {
+  if (!command.step || command.step === step.peek()) return command.run();
+  enterStep(command.step);
+  setTimeout(() => {
+    if (isAvailable(command)) command.run();
+  }, ENTER_MS);
 }
 
 export function runCommand(id: string): void {
@@ -105,12 +126,13 @@ function onKeyDown(event: KeyboardEvent): void {
   const isTaken = needsKey(target, event.key);
   const matching = commands.value.filter(
     (command) =>
+      (!command.step || command.step === step.peek()) &&
       (!isTaken || command.worksInFields) &&
       (!command.isRemoving || canRemove(target)) &&
       [command.shortcut, command.otherShortcut].some((key) => key && matches(event, key)) &&
       isAvailable(command),
   );
-  const found = matching.find(({ isLocal }) => isLocal) ?? matching[0];
+  const found = matching.find((command) => command.step) ?? matching[0];
   if (!found) return;
   event.preventDefault();
   found.run();

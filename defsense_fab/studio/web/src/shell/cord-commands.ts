@@ -61,6 +61,7 @@ export const cordCommands = (): readonly Command[] => [
     group: "Cords",
     shortcut: "F2",
     when: hasOne,
+    reason: "Select one cord first",
     run: () => {
       isLeftPanelOpen.value = true;
       renaming.value = `cord:${selectedCords()[0]}`;
@@ -72,6 +73,7 @@ export const cordCommands = (): readonly Command[] => [
     group: "Cords",
     shortcut: "Mod+D",
     when: hasSome,
+    reason: "Select a cord first",
     run: () => void forEachCord(duplicate),
   },
   ...AXES.map((axis) => ({
@@ -79,6 +81,7 @@ export const cordCommands = (): readonly Command[] => [
     label: `Mirror across ${axis}`,
     group: "Cords",
     when: hasSome,
+    reason: "Select a cord first",
     run: () => void forEachCord((name) => mirror(name, axis)),
   })),
   {
@@ -88,6 +91,7 @@ export const cordCommands = (): readonly Command[] => [
     group: "Cords",
     shortcut: "L",
     when: hasSome,
+    reason: "Select a cord first",
     run: () => {
       const isNowLocked = !selectedCords().every(isLocked);
       void forEachCord((name) => setLocked(name, isNowLocked));
@@ -101,6 +105,7 @@ export const cordCommands = (): readonly Command[] => [
     isRemoving: true,
     otherShortcut: "Backspace",
     when: hasSome,
+    reason: "Select a cord first",
     run: () => void deleteCords(selectedCords()),
   },
 ];

@@ -19,10 +19,13 @@ const TEXTS: Record<StepName, string> = {
     "Record a few minutes with the finished device, train its model, and see it move on the screen.",
 };
 
-const wasOffered = storedSignal("introduction", false, isBoolean);
+/** Whether it was offered, here or on the start page: it is offered once. */
+export const wasOffered = storedSignal("introduction", false, isBoolean);
 
-/** The shown step of the walk; -1 for the offer, null while it is closed. */
-const position = signal<number | null>(wasOffered.value ? null : -1);
+const OFFER = -1;
+
+/** The shown step of the walk; null while none is. */
+const position = signal<number | null>(null);
 
 export function startIntroduction(): void {
   goTo(0);
@@ -41,7 +44,7 @@ function close(): void {
 
 /** The card of the walk; the rest of the page stays usable. */
 export function Introduction() {
-  const at = position.value;
+  const at = position.value ?? (wasOffered.value ? null : OFFER);
   if (at === null) return null;
   const name = STEPS[at];
   return (

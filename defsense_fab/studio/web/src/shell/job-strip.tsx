@@ -34,7 +34,9 @@ effect(() => {
   if (!current.problem) timer = setTimeout(() => (isResultShown.value = false), DONE_MS);
 });
 
-async function cancel(title: string): Promise<void> {
+/** Cancel the job; a long one only after a question. */
+export async function cancelJob(): Promise<void> {
+  const title = job.value?.title ?? "";
   const isLong = Date.now() - (startedAt.value ?? Date.now()) > LONG_JOB_MS;
   const isConfirmed =
     !isLong ||
@@ -83,7 +85,7 @@ function RunningJob() {
           {isPaused ? "Resume" : "Pause"}
         </Button>
       )}
-      <Button variant="quiet" icon="stop" onClick={() => void cancel(title)}>
+      <Button variant="quiet" icon="stop" onClick={() => void cancelJob()}>
         Cancel
       </Button>
     </>

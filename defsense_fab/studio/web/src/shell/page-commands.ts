@@ -7,7 +7,9 @@ import { run } from "../state/run";
 import { clearSelection, isHidden, select, selection, toggleHidden } from "../state/selection";
 import { STEPS, STEP_LABELS, enterStep, showAllDevices } from "../state/step";
 import { isDark, theme } from "../state/theme";
+import { toasts } from "../state/toasts";
 import { isKeyHelpOpen, isPaletteOpen } from "../ui/command-palette";
+import { cancelJob } from "./job-strip";
 import { startIntroduction } from "./introduction";
 import { doNext } from "./next-button";
 import { enterRegion, focusHeading, isInField, leaveField } from "./regions";
@@ -28,6 +30,7 @@ export const pageCommands = (): readonly Command[] => [
     group: "Edit",
     shortcut: "Mod+Z",
     when: () => Boolean(device.value?.undoName),
+    reason: "There is nothing to undo",
     run: () => void run(connection.send("undo", {})),
   },
   {
@@ -37,6 +40,7 @@ export const pageCommands = (): readonly Command[] => [
     shortcut: "Mod+Shift+Z",
     otherShortcut: "Mod+Y",
     when: () => Boolean(device.value?.redoName),
+    reason: "There is nothing to redo",
     run: () => void run(connection.send("redo", {})),
   },
   {
@@ -55,6 +59,7 @@ export const pageCommands = (): readonly Command[] => [
     group: "Edit",
     shortcut: "Escape",
     when: () => selection.value.length > 0,
+    reason: "Nothing is selected",
     run: clearSelection,
   },
   {
@@ -63,6 +68,7 @@ export const pageCommands = (): readonly Command[] => [
     group: "View",
     shortcut: "H",
     when: () => visibleItems().length > 0,
+    reason: "Nothing in the scene is selected",
     run: () => {
       const items = visibleItems();
       const areHidden = items.every(isHidden);
@@ -92,6 +98,7 @@ export const pageCommands = (): readonly Command[] => [
     label,
     group: "Steps",
     when: () => !isJobActive.value,
+    reason: "Wait until the running job has ended",
     run: () => void startBuild(stage),
   })),
   {
@@ -101,6 +108,7 @@ export const pageCommands = (): readonly Command[] => [
     shortcut: "Escape",
     worksInFields: true,
     when: isInField,
+    reason: "The focus is not in a field",
     run: leaveField,
   },
   {
@@ -124,10 +132,28 @@ export const pageCommands = (): readonly Command[] => [
     label: "Pause or resume the job",
     group: "Steps",
     when: () => isJobActive.value && Boolean(job.value?.canPause),
+    reason: "No job is running that can be paused",
     run: () => {
       const kind = job.value?.state === "paused" ? "resume-job" : "pause-job";
       void run(connection.send(kind, {}));
     },
+  },
+  {
+    id: "cancel",
+    label: "Cancel the job",
+    group: "Steps",
+    when: () => isJobActive.value,
+    reason: "No job is running",
+    run: () => void cancelJob(),
+  },
+  {
+    id: "dismiss",
+    label: "Dismiss the messages",
+    group: "View",
+    shortcut: "Escape",
+    when: () => toasts.value.length > 0,
+    reason: "There are no messages",
+    run: () => (toasts.value = []),
   },
   {
     id: "left-panel",

@@ -59,6 +59,7 @@ export function focusHeading(): boolean {
 /** Whether the focus is in a field in which text is typed or a value is chosen. */
 export function isInField(): boolean {
   const element = document.activeElement;
+  if (element?.closest("dialog")) return false;
   const isTyped = element instanceof HTMLInputElement && !["checkbox", "radio"].includes(element.type);
   return isTyped || Boolean(element?.matches("select, textarea"));
 }

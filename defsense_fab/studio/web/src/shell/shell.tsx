@@ -1,7 +1,7 @@
 import { useCommands } from "../commands";
 import { isDrawerOpen, isLeftPanelOpen, isPhone } from "../state/layout";
 import { step } from "../state/step";
-import { stepPanels } from "../steps/registry";
+import { stepCommands, stepPanels } from "../steps/registry";
 import { BodyFitNotice } from "./body-fit-notice";
 import { BottomPanel } from "./bottom-panel";
 import { cordCommands } from "./cord-commands";
@@ -15,7 +15,7 @@ import { TopBar } from "./top-bar";
 
 /** The page of a device. */
 export function Shell() {
-  useCommands(() => [...cordCommands(), ...pageCommands()]);
+  useCommands(() => [...cordCommands(), ...pageCommands(), ...stepCommands()]);
   const panels = stepPanels(step.value);
   const isTreeOpen = isPhone.value ? isDrawerOpen.value : isLeftPanelOpen.value;
   return (

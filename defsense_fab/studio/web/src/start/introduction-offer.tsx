@@ -1,6 +1,7 @@
 // The offer of the introduction, which needs a device to walk through.
 import { useSignal } from "@preact/signals";
-import { startIntroduction } from "../shell/introduction";
+import { useEffect } from "preact/hooks";
+import { startIntroduction, wasOffered } from "../shell/introduction";
 import { connection } from "../state/connection";
 import { run } from "../state/run";
 import { canReturn, showDevice } from "../state/step";
@@ -16,6 +17,9 @@ const isDismissed = storedSignal("introduction-offer", false, isBoolean);
 /** A card that starts the introduction, on the device that is open or on a new example. */
 export function IntroductionOffer() {
   const isBusy = useSignal(false);
+  useEffect(() => {
+    wasOffered.value = true;
+  }, []);
   if (isDismissed.value) return null;
   const start = async () => {
     isBusy.value = true;

@@ -2,7 +2,8 @@
 import { signal } from "@preact/signals";
 import type { ComponentType } from "preact";
 import type { Viewer } from "../scene/viewer";
-import type { StepName } from "../state/step";
+import type { Command } from "../commands";
+import { STEPS, type StepName } from "../state/step";
 
 export interface StepPanels {
   /** Inspector of the selection, at the right; below the scene on a phone. */
@@ -16,6 +17,8 @@ export interface StepPanels {
   bottomTitle?: string;
   /** Show the step's things in the scene; return a function that removes them. */
   scene?: (viewer: Viewer) => () => void;
+  /** Commands of the step; their keys work while it is entered. */
+  commands?: () => readonly Command[];
   /** Shown in place of the scene, at its full size. */
   stage?: ComponentType;
 }
@@ -28,4 +31,11 @@ export function registerStep(name: StepName, panels: StepPanels): void {
 
 export function stepPanels(name: StepName): StepPanels | undefined {
   return registered.value.get(name);
+}
+
+/** The commands of all steps. */
+export function stepCommands(): Command[] {
+  return STEPS.flatMap((step) =>
+    (stepPanels(step)?.commands?.() ?? []).map((command) => ({ ...command, step })),
+  );
 }

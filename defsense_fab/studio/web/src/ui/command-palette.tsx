@@ -1,14 +1,19 @@
 // The list of commands that is searched by typing, and the list of keys.
 import { signal, useSignal } from "@preact/signals";
 import { useId } from "preact/hooks";
-import { type Command, commands, isAvailable } from "../commands";
+import { type Command, commands, isAvailable, reasonAgainst, runAnywhere } from "../commands";
 import { Dialog } from "./dialog";
+import { KEY_NOTES, type KeyNote } from "./key-notes";
 import { Icon } from "./icons";
 import { Keys } from "./tooltip";
 
 export const isPaletteOpen = signal(false);
 export const isKeyHelpOpen = signal(false);
 
+/** Heading of keys that mean the same for items of several kinds. */
+const SHARED_GROUP = "Selection";
+/** The order of the groups; others are in between, those of the page last. */
+const FIRST_GROUPS = ["Edit", SHARED_GROUP];
 const LAST_GROUPS = ["Steps", "View", "Help"];
 
 /** How well a command fits a query: lower is better, null for not at all. */
@@ -24,14 +29,25 @@ function fit({ label, group }: Command, query: string): number | null {
   return 1000 + at;
 }
 
-function search(query: string): Command[] {
-  const available = commands.value.filter(isAvailable);
+interface Found {
+  command: Command;
+  /** Why it cannot run now; empty if it can. */
+  reason: string;
+}
+
+/** The commands that fit, those that can run before others that fit as well. */
+function search(query: string): Found[] {
   const words = query.trim().toLowerCase();
-  return available
-    .map((command) => ({ command, score: fit(command, words) }))
+  return commands.value
+    .map((command) => ({
+      command,
+      score: fit(command, words),
+      reason: isAvailable(command) ? "" : reasonAgainst(command),
+    }))
     .filter(({ score }) => score !== null)
-    .sort((a, b) => a.score! - b.score!)
-    .map(({ command }) => command);
+    .sort(
+      (a, b) => a.score! - b.score! || Number(a.reason !== "") - Number(b.reason !== ""),
+    );
 }
 
 export function CommandPalette() {
@@ -46,10 +62,10 @@ function OpenPalette() {
   const at = Math.min(index.value, found.length - 1);
 
   const close = () => (isPaletteOpen.value = false);
-  const choose = (command: Command | undefined) => {
-    if (!command) return;
+  const choose = (chosen: Found | undefined) => {
+    if (!chosen || chosen.reason) return;
     close();
-    setTimeout(command.run); // after the focus has returned
+    setTimeout(() => runAnywhere(chosen.command)); // after the focus has returned
   };
   const move = (change: number) => {
     index.value = (at + change + found.length) % Math.max(1, found.length);
@@ -91,18 +107,19 @@ function OpenPalette() {
           <kbd>Esc</kbd>
         </div>
         <div class="palette-list" id={`${id}-list`} role="listbox" aria-label="Commands">
-          {found.map((command, k) => (
+          {found.map(({ command, reason }, k) => (
             <div
               key={command.id}
               id={`${id}-${k}`}
               role="option"
               aria-selected={k === at}
+              aria-disabled={reason ? true : undefined}
               class="palette-row"
               onPointerMove={() => (index.value = k)}
-              onClick={() => choose(command)}
+              onClick={() => choose(found[k])}
             >
               <span class="palette-label">{command.label}</span>
-              <span class="palette-group">{command.group}</span>
+              <span class="palette-group">{reason || command.group}</span>
               {command.shortcut && <Keys shortcut={command.shortcut} />}
             </div>
           ))}
@@ -113,12 +130,28 @@ function OpenPalette() {
   );
 }
 
+/** All keys once; those of several kinds of items under a heading of their own. */
+function keyRows(): KeyNote[] {
+  const rows = new Map<string, KeyNote>();
+  for (const { label, group, shortcut } of commands.value) {
+    if (!shortcut) continue;
+    const key = `${label} ${shortcut}`;
+    rows.set(key, { label, shortcut, group: rows.has(key) ? SHARED_GROUP : group });
+  }
+  return [...rows.values(), ...KEY_NOTES];
+}
+
+function groupOrder(group: string): number {
+  const [first, last] = [FIRST_GROUPS.indexOf(group), LAST_GROUPS.indexOf(group)];
+  return first >= 0 ? first - FIRST_GROUPS.length : last + 1;
+}
+
 /** The list of keys, by group. */
 export function KeyHelp() {
   if (!isKeyHelpOpen.value) return null;
-  const withKeys = commands.value.filter(({ shortcut }) => shortcut);
-  const groups = [...new Set(withKeys.map(({ group }) => group))].sort(
-    (a, b) => LAST_GROUPS.indexOf(a) - LAST_GROUPS.indexOf(b),
+  const rows = keyRows();
+  const groups = [...new Set(rows.map(({ group }) => group))].sort(
+    (a, b) => groupOrder(a) - groupOrder(b),
   );
   return (
     <Dialog
@@ -133,13 +166,13 @@ export function KeyHelp() {
           <table key={group} class="key-table">
             <caption>{group}</caption>
             <tbody>
-              {withKeys
-                .filter((command) => command.group === group)
-                .map(({ id, label, shortcut }) => (
-                  <tr key={id}>
+              {rows
+                .filter((row) => row.group === group)
+                .map(({ label, shortcut }) => (
+                  <tr key={label}>
                     <th scope="row">{label}</th>
                     <td>
-                      <Keys shortcut={shortcut!} />
+                      <Keys shortcut={shortcut} />
                     </td>
                   </tr>
                 ))}

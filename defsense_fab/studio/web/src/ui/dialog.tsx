@@ -37,6 +37,7 @@ export function Dialog(props: DialogProps) {
     const element = dialog.current!;
     const focused = document.activeElement;
     element.showModal();
+    if (isText) element.querySelector<HTMLElement>(".dialog-content")?.focus(); // keys scroll it
     return () => {
       element.close();
       if (focused instanceof HTMLElement && focused.isConnected) focused.focus();

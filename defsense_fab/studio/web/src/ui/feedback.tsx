@@ -1,12 +1,15 @@
 // Progress, messages and empty places.
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
+import { step } from "../state/step";
 import { type Toast, dismissToast, toasts } from "../state/toasts";
 import { Button, IconButton } from "./button";
+import { moveToFreePlace } from "./free-place";
 import { Icon, type IconName } from "./icons";
 
 const TOAST_MS = 6000;
 const ERROR_TOAST_MS = 20_000;
+const SETTLE_MS = 400;
 
 interface ProgressBarProps {
   label: string;
@@ -39,8 +42,21 @@ export function ToastLayer() {
     const element = layer.current;
     if (!element) return;
     if (element.matches(":popover-open")) element.hidePopover();
-    if (shown.length > 0) element.showPopover(); // above a dialog that was opened meanwhile
-  }, [shown]);
+    if (shown.length === 0) return undefined;
+    element.showPopover(); // above a dialog that was opened meanwhile
+    const place = () => {
+      const stage = document.querySelector(".stage") ?? document.documentElement;
+      moveToFreePlace(element, stage.getBoundingClientRect());
+    };
+    place();
+    // What the message is about may still appear or disappear.
+    const later = setTimeout(place, SETTLE_MS);
+    addEventListener("resize", place);
+    return () => {
+      clearTimeout(later);
+      removeEventListener("resize", place);
+    };
+  }, [shown, step.value]);
   return (
     <section ref={layer} class="toasts" aria-label="Messages" popover="manual">
       {shown.map((toast) => (
@@ -69,6 +85,11 @@ function ToastCard({ toast: { id, text, isError, action } }: { toast: Toast }) {
       onPointerLeave={resume}
       onFocusCapture={pause}
       onBlurCapture={resume}
+      onKeyDown={(event) => {
+        if (event.key !== "Escape") return;
+        event.stopPropagation();
+        dismissToast(id);
+      }}
     >
       <Icon name={isError ? "error" : "check"} />
       <p>{text}</p>
@@ -83,7 +104,7 @@ function ToastCard({ toast: { id, text, isError, action } }: { toast: Toast }) {
           {action.label}
         </Button>
       )}
-      <IconButton icon="close" label="Dismiss" onClick={() => dismissToast(id)} />
+      <IconButton icon="close" label="Dismiss" shortcut="Escape" onClick={() => dismissToast(id)} />
     </div>
   );
 }

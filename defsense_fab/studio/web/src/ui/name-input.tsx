@@ -55,6 +55,7 @@ export function NameInput({ name, fix = (text) => text, fixNote, onRename, onDon
         onDblClick={(event) => event.stopPropagation()}
         onInput={(event) => {
           const { value } = event.currentTarget;
+          problem.value = "";
           if (fix(value) === value) return;
           event.currentTarget.value = fix(value);
           isFixed.value = true;

@@ -18,6 +18,7 @@ export function Section({ title, name, isOpenAtFirst = true, aside, children }: 
   return (
     <details
       class="section"
+      data-section={name}
       open={isOpen.value}
       onToggle={(event) => (isOpen.value = event.currentTarget.open)}
     >
@@ -29,4 +30,16 @@ export function Section({ title, name, isOpenAtFirst = true, aside, children }: 
       <div class="section-content">{children}</div>
     </details>
   );
+}
+
+/** In which the section of a step that is entered appears, ms. */
+const APPEAR_MS = 100;
+
+/** Open a section and focus its heading. */
+export function openSection(name: string): void {
+  panelState(`section.${name}`).value = true;
+  setTimeout(() => {
+    const heading = `[data-section="${CSS.escape(name)}"] > summary`;
+    document.querySelector<HTMLElement>(heading)?.focus();
+  }, APPEAR_MS);
 }

@@ -1,5 +1,5 @@
 // The material, cord and printer of the device, with their key numbers.
-import { useSignal } from "@preact/signals";
+import { signal } from "@preact/signals";
 import type { Catalogue, CatalogueChoice } from "../../protocol/messages";
 import { Icon } from "../../ui/icons";
 import { formatNumber } from "../../ui/number";
@@ -17,14 +17,16 @@ const TITLES: Record<Catalogue["name"], string> = {
 };
 const SHOWN_COLUMNS = 3;
 
+/** The list that is open to choose from. */
+export const openedCatalogue = signal<Catalogue["name"] | null>(null);
+
 /** Buttons that show what is chosen, and open the list to choose from. */
 export function CatalogueChoices() {
-  const opened = useSignal<Catalogue["name"] | null>(null);
   const choices = deviceFields.value?.choices ?? [];
   const find = (name: Catalogue["name"] | null) =>
     catalogues.value?.catalogues.find((catalogue) => catalogue.name === name);
-  const catalogue = find(opened.value);
-  const chosen = choices.find((choice) => choice.catalogue === opened.value);
+  const catalogue = find(openedCatalogue.value);
+  const chosen = choices.find((choice) => choice.catalogue === openedCatalogue.value);
   return (
     <Section title="Materials" name="body.materials">
       {choices.map((choice) => (
@@ -32,7 +34,7 @@ export function CatalogueChoices() {
           key={choice.catalogue}
           choice={choice}
           catalogue={find(choice.catalogue)}
-          onClick={() => (opened.value = choice.catalogue)}
+          onClick={() => (openedCatalogue.value = choice.catalogue)}
         />
       ))}
       {catalogue && chosen && (
@@ -40,7 +42,7 @@ export function CatalogueChoices() {
           title={TITLES[catalogue.name]}
           catalogue={catalogue}
           choice={chosen}
-          onClose={() => (opened.value = null)}
+          onClose={() => (openedCatalogue.value = null)}
         />
       )}
     </Section>

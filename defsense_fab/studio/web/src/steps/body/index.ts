@@ -1,7 +1,8 @@
 // The step Body: the body and its parameters, materials, and fields of the device.
 import { registerStep } from "../registry";
+import { bodyCommands } from "./body-commands";
 import "./body.css";
 import { BodyInspector } from "./inspector";
 import { showNewestBody } from "./scene";
 
-registerStep("body", { inspector: BodyInspector, scene: showNewestBody });
+registerStep("body", { commands: bodyCommands, inspector: BodyInspector, scene: showNewestBody });

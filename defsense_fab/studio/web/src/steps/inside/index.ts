@@ -6,12 +6,13 @@ import { InsideInspector } from "./inspector";
 import { SectionLegend } from "./legend";
 import { openInside, view } from "./inside-state";
 import { StatesStrip } from "./states-strip";
-import { InsideToolbar } from "./toolbar";
+import { InsideToolbar, insideCommands } from "./toolbar";
 
 registerStep("inside", {
   inspector: InsideInspector,
   toolbar: InsideToolbar,
   legend: () => h(SectionLegend, { view }),
+  commands: insideCommands,
   scene: openInside,
   bottom: StatesStrip,
   bottomTitle: "States",

@@ -1,5 +1,5 @@
 // The tools on the scene: the plane, the view, and the search for another cord.
-import { type Command, useCommands } from "../../commands";
+import type { Command } from "../../commands";
 import { isPhone } from "../../state/layout";
 import { IconButton } from "../../ui/button";
 import { SegmentedControl } from "../../ui/choices";
@@ -10,8 +10,12 @@ import { inside } from "./section-view";
 
 const isReady = () => inside.value?.isReady ?? false;
 
-const insideCommands = (): readonly Command[] =>
-  commandList().map((command) => ({ ...command, isLocal: true, when: isReady }));
+export const insideCommands = (): readonly Command[] =>
+  commandList().map((command) => ({
+    ...command,
+    when: isReady,
+    reason: "Simulate the poses first",
+  }));
 
 const commandList = (): readonly Command[] => [
   {
@@ -56,7 +60,6 @@ const commandList = (): readonly Command[] => [
 
 /** The tools of the plane and of the search. */
 export function InsideToolbar() {
-  useCommands(insideCommands);
   const plane = view.plane.value;
   if (!plane) return null;
   return (

@@ -1,5 +1,4 @@
 // Which device the parts belong to, and the one thing to do: build them, or export them.
-import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { MakeState } from "../../protocol/messages";
 import { ErrorHelp } from "../../shell/error-help";
@@ -7,10 +6,10 @@ import { RemedyButton } from "../../shell/remedy-button";
 import { startBuild } from "../../state/building";
 import { connection, isJobActive, job } from "../../state/connection";
 import { inPageWords } from "../../state/page-words";
-import { attempt, run } from "../../state/run";
-import { showToast } from "../../state/toasts";
+import { run } from "../../state/run";
 import { Button } from "../../ui/button";
 import { Icon, type IconName } from "../../ui/icons";
+import { exportDevice, exportProblem, isExporting } from "./export";
 import { makeState } from "./state";
 
 const layouts = connection.event("layouts");
@@ -110,47 +109,27 @@ function BuildButton({ state, isPrimary }: { state: MakeState; isPrimary: boolea
 }
 
 function ExportButton({ state, isPrimary }: { state: MakeState; isPrimary: boolean }) {
-  const problem = useSignal("");
-  const isBusy = useSignal(false);
   useEffect(() => {
-    problem.value = "";
+    exportProblem.value = "";
   }, [state]);
-  const exportDevice = async () => {
-    problem.value = "";
-    isBusy.value = true;
-    const answer = await attempt(connection.send("export-device", {}), ({ text }) => {
-      problem.value = text;
-    });
-    isBusy.value = false;
-    if (!answer) return;
-    save(answer.file.path, answer.file.name);
-    showToast(`${answer.count} files are in ${answer.file.name}, also in the folder of the device`);
-  };
   return (
     <>
       <Button
         icon="download"
         variant={isPrimary ? "primary" : "plain"}
-        isBusy={isBusy.value}
+        isBusy={isExporting.value}
         disabled={Boolean(state.exportObstacle)}
         hint={state.exportObstacle || "Save parts, guide, report, lists and design in one file"}
         onClick={() => void exportDevice()}
       >
         Export as zip
       </Button>
-      {problem.value && (
+      {exportProblem.value && (
         <p class="problem" role="alert">
           <Icon name="error" />
-          <span>{problem.value}</span>
+          <span>{exportProblem.value}</span>
         </p>
       )}
     </>
   );
-}
-
-function save(path: string, name: string): void {
-  const link = document.createElement("a");
-  link.href = path;
-  link.download = name;
-  link.click();
 }

@@ -1,9 +1,12 @@
 // The keys of the step Make.
 import type { Command } from "../../commands";
-import { step } from "../../state/step";
+import { openSection } from "../../ui/section";
+import { exportDevice } from "./export";
 import {
+  guide,
   hiddenParts,
   isolate,
+  makeState,
   selectedPart,
   showAllParts,
   showStage,
@@ -11,13 +14,24 @@ import {
   stages,
 } from "./state";
 
+/** Lists at the right, by the names of their sections. */
+const LISTS = [
+  { section: "warnings", label: "Open the warnings" },
+  { section: "Print", label: "Open the print list" },
+  { section: "Cut list", label: "Open the cut list" },
+  { section: "Bill of materials", label: "Open the shopping list" },
+  { section: "checks", label: "Open the checks" },
+  { section: "files", label: "Open the files" },
+];
+
 export const makeCommands = (): readonly Command[] => [
   {
     id: "make.next",
     label: "Next step of the assembly",
     group: "Make",
     shortcut: "ArrowRight",
-    when: () => step.value === "make" && stageIndex.value < stages.value.length - 1,
+    when: () => stageIndex.value < stages.value.length - 1,
+    reason: "This is the last step, or nothing is built",
     run: () => showStage(stageIndex.value + 1),
   },
   {
@@ -25,7 +39,8 @@ export const makeCommands = (): readonly Command[] => [
     label: "Previous step of the assembly",
     group: "Make",
     shortcut: "ArrowLeft",
-    when: () => step.value === "make" && stageIndex.value >= 0,
+    when: () => stageIndex.value >= 0,
+    reason: "All parts are shown",
     run: () => showStage(stageIndex.value - 1),
   },
   {
@@ -33,7 +48,8 @@ export const makeCommands = (): readonly Command[] => [
     label: "Isolate the selected part",
     group: "Make",
     shortcut: "I",
-    when: () => step.value === "make" && selectedPart.value !== null,
+    when: () => selectedPart.value !== null,
+    reason: "Select a part first",
     run: () => isolate(selectedPart.value!),
   },
   {
@@ -41,9 +57,27 @@ export const makeCommands = (): readonly Command[] => [
     label: "Show all parts",
     group: "Make",
     shortcut: "A",
-    when: () => step.value === "make" && hiddenParts.value.length > 0,
+    when: () => hiddenParts.value.length > 0,
+    reason: "No part is hidden",
     run: showAllParts,
   },
+  {
+    id: "make.export",
+    label: "Export as zip",
+    hint: "Save parts, guide, report, lists and design in one file",
+    group: "Make",
+    when: () => makeState.value !== null && !makeState.value.exportObstacle,
+    reason: () => makeState.value?.exportObstacle ?? "",
+    run: () => void exportDevice(),
+  },
+  ...LISTS.map(({ section, label }) => ({
+    id: `make.${section}`,
+    label,
+    group: "Make",
+    when: () => Boolean(guide.value?.id),
+    reason: "Build the parts first",
+    run: () => openSection(`make.${section}`),
+  })),
 ];
 
 /** Let arrow keys change the step also after a button was pressed, which has no use for them. */

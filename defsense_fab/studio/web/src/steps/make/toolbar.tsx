@@ -1,12 +1,10 @@
 import { useEffect } from "preact/hooks";
-import { useCommands } from "../../commands";
 import { IconButton } from "../../ui/button";
-import { followArrows, makeCommands } from "./make-commands";
+import { followArrows } from "./make-commands";
 import { explosion, hiddenParts, isolate, parts, selectedPart, showAllParts, togglePart } from "./state";
 
 /** The exploded view, and which parts are visible. */
 export function MakeToolbar() {
-  useCommands(makeCommands);
   useEffect(followArrows, []);
   if (parts.value.length === 0) return null;
   const name = selectedPart.value;

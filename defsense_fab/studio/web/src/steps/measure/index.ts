@@ -1,5 +1,6 @@
 import { registerStep } from "../registry";
+import { measureCommands } from "./measure-commands";
 import { Outline } from "./outline";
 import { MeasureStage } from "./stage";
 
-registerStep("measure", { inspector: Outline, stage: MeasureStage });
+registerStep("measure", { commands: measureCommands, inspector: Outline, stage: MeasureStage });

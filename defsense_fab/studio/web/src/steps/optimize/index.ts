@@ -4,12 +4,14 @@ import { attachErrorMap } from "./error-map";
 import { attachGhosts } from "./ghosts";
 import { OptimizeInspector } from "./inspector";
 import { OptimizeLegend } from "./legend";
+import { optimizeCommands } from "./optimize-commands";
 import "./charts/charts.css";
 import "./optimize.css";
 
 registerStep("optimize", {
   inspector: OptimizeInspector,
   legend: OptimizeLegend,
+  commands: optimizeCommands,
   bottom: OptimizeBottom,
   bottomTitle: "Layouts and progress",
   scene: (viewer) => {

@@ -6,7 +6,7 @@ import { isLeftPanelOpen } from "../../state/layout";
 import { renaming } from "../../state/renaming";
 import { run } from "../../state/run";
 import { select, selection } from "../../state/selection";
-import { enterStep, step } from "../../state/step";
+import { enterStep } from "../../state/step";
 import { showToast } from "../../state/toasts";
 import { type MenuEntry, commandEntry } from "../../ui/menu";
 import { playRamp } from "./ramp";
@@ -84,7 +84,7 @@ let keyAxis: "x" | "y" | "z" = "y";
 
 const canTurn = () => {
   const chosen = grip.value;
-  if (step.value !== "poses" || !isMeshed.value || !chosen || chosen.pull >= 0) return false;
+  if (!isMeshed.value || !chosen || chosen.pull >= 0) return false;
   return shownPose.value?.handles.some((h) => h.region === chosen.region && h.turn === "angle") ?? false;
 };
 
@@ -99,6 +99,7 @@ function turnCommands(): Command[] {
     group: "Poses",
     shortcut: axis.toUpperCase(),
     when: canTurn,
+    reason: "Choose a region that is turned by an angle",
     run: () => {
       keyAxis = axis;
       showToast(`Arrow keys turn ${grip.peek()?.region} about ${axis}`);
@@ -112,6 +113,7 @@ function turnCommands(): Command[] {
       shortcut: key,
       otherShortcut: other,
       when: canTurn,
+      reason: "Choose a region that is turned by an angle",
       run: () => turnChosen(keyAxis, degrees),
     },
     {
@@ -121,6 +123,7 @@ function turnCommands(): Command[] {
       shortcut: `Shift+${key}`,
       otherShortcut: `Shift+${other}`,
       when: canTurn,
+      reason: "Choose a region that is turned by an angle",
       run: () => turnChosen(keyAxis, 10 * degrees),
     },
   ]);
@@ -136,37 +139,21 @@ registerCommands([
     run: () => void addRegion(value),
   })),
   {
-    id: "region.rectangle",
-    label: "Draw a rectangle to add a region",
-    hint: "A box is fitted to all points of the surface in the rectangle",
-    group: "Regions",
-    shortcut: "R",
-    when: () => step.value === "poses" && isMeshed.value,
-    run: () => startRectangle(false),
-  },
-  {
-    id: "pose.pull",
-    label: "Pull at a point of the body",
-    hint: "Click the body; a spring pulls it there",
+    id: "pose.rename",
+    label: "Rename",
     group: "Poses",
-    when: () => step.value === "poses" && Boolean(shownPose.value) && isMeshed.value,
-    run: () => (sceneTool.value = sceneTool.peek() === "pull" ? "view" : "pull"),
+    shortcut: "F2",
+    when: arePoses,
+    reason: "Select a pose first",
+    run: startRenaming,
   },
-  {
-    id: "pose.play",
-    label: "Play the pose from rest, or stop",
-    group: "Poses",
-    shortcut: "P",
-    when: () => step.value === "poses" && Boolean(shownPose.value) && isMeshed.value,
-    run: () => void playRamp(),
-  },
-  { id: "pose.rename", label: "Rename", group: "Poses", shortcut: "F2", when: arePoses, run: startRenaming },
   {
     id: "pose.duplicate",
     label: "Duplicate",
     group: "Poses",
     shortcut: "Mod+D",
     when: arePoses,
+    reason: "Select a pose first",
     run: () => void duplicatePoses(),
   },
   {
@@ -176,15 +163,25 @@ registerCommands([
     shortcut: "Delete",
     isRemoving: true,
     when: arePoses,
+    reason: "Select a pose first",
     run: () => void deletePoses(selectedPoses()),
   },
-  { id: "region.rename", label: "Rename", group: "Regions", shortcut: "F2", when: areRegions, run: startRenaming },
+  {
+    id: "region.rename",
+    label: "Rename",
+    group: "Regions",
+    shortcut: "F2",
+    when: areRegions,
+    reason: "Select a region first",
+    run: startRenaming,
+  },
   {
     id: "region.duplicate",
     label: "Duplicate",
     group: "Regions",
     shortcut: "Mod+D",
     when: areRegions,
+    reason: "Select a region first",
     run: () => void duplicateRegions(),
   },
   {
@@ -194,10 +191,43 @@ registerCommands([
     shortcut: "Delete",
     isRemoving: true,
     when: areRegions,
+    reason: "Select a region first",
     run: () => void deleteRegions(selectedRegions()),
   },
-  ...turnCommands(),
 ]);
+
+/** Commands of the step alone. */
+export const posesCommands = (): readonly Command[] => [
+  {
+    id: "region.rectangle",
+    label: "Draw a rectangle to add a region",
+    hint: "A box is fitted to all points of the surface in the rectangle",
+    group: "Regions",
+    shortcut: "R",
+    when: () => isMeshed.value,
+    reason: "Mesh the body first",
+    run: () => startRectangle(false),
+  },
+  {
+    id: "pose.pull",
+    label: "Pull at a point of the body",
+    hint: "Click the body; a spring pulls it there",
+    group: "Poses",
+    when: () => Boolean(shownPose.value) && isMeshed.value,
+    reason: "Choose a pose first",
+    run: () => (sceneTool.value = sceneTool.peek() === "pull" ? "view" : "pull"),
+  },
+  {
+    id: "pose.play",
+    label: "Play the pose from rest, or stop",
+    group: "Poses",
+    shortcut: "P",
+    when: () => Boolean(shownPose.value) && isMeshed.value,
+    reason: "Choose a pose first",
+    run: () => void playRamp(),
+  },
+  ...turnCommands(),
+];
 
 /** The menu of the selected poses. */
 export function poseMenu(): MenuEntry[] {

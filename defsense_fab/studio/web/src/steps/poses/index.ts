@@ -1,5 +1,6 @@
 // The step Poses: regions, poses that hold and move them, and the body that follows.
 import { registerStep } from "../registry";
+import { posesCommands } from "./commands";
 import { PosesInspector } from "./inspector";
 import "./inspector.css";
 import { showPoses } from "./pose-scene";
@@ -11,6 +12,7 @@ registerStep("poses", {
   inspector: PosesInspector,
   toolbar: PosesToolbar,
   legend: PosesLegend,
+  commands: posesCommands,
   bottom: StateStrip,
   bottomTitle: "States",
   scene: showPoses,

@@ -4,6 +4,7 @@ import { showNewestBody } from "../body/scene";
 import { HeatMapLegend } from "./heat-map";
 import { SensorsInspector } from "./inspector";
 import { PredictionPanel } from "./prediction-panel";
+import { sensorCommands } from "./sensor-commands";
 import "./sensors.css";
 import { SensorsToolbar } from "./toolbar";
 
@@ -12,6 +13,7 @@ registerStep("sensors", {
   toolbar: SensorsToolbar,
   scene: showNewestBody,
   legend: HeatMapLegend,
+  commands: sensorCommands,
   bottom: PredictionPanel,
   bottomTitle: "Expected error and signals",
 });

@@ -128,6 +128,7 @@ const drawingCommands = (): readonly Command[] => [
     hint: "End the cord at the last point",
     group: "Drawing",
     when: () => (board.value?.pen.points.value.length ?? 0) > 1,
+    reason: "Put two points first",
     run: () => board.peek()?.pen.finish(),
   },
   {
@@ -135,8 +136,8 @@ const drawingCommands = (): readonly Command[] => [
     label: "Discard the points, or stop drawing",
     group: "Drawing",
     shortcut: "Escape",
-    isLocal: true,
     when: () => isDrawing.value,
+    reason: "Start to draw a cord first",
     run: cancelDrawing,
   },
   ...(["x", "y", "z"] as const).map((axis) => ({
@@ -144,8 +145,8 @@ const drawingCommands = (): readonly Command[] => [
     label: `Draw in the plane across ${axis}`,
     group: "Drawing",
     shortcut: axis.toUpperCase(),
-    isLocal: true,
     when: () => isDrawing.value,
+    reason: "Start to draw a cord first",
     run: () => choosePlane(axis),
   })),
   ...PLANE_MOVES.map(({ name, label, key, by }) => ({
@@ -153,8 +154,8 @@ const drawingCommands = (): readonly Command[] => [
     label,
     group: "Drawing",
     shortcut: key,
-    isLocal: true,
     when: () => isDrawing.value,
+    reason: "Start to draw a cord first",
     run: () => movePlane(by),
   })),
 ];
@@ -187,6 +188,8 @@ export const sensorCommands = (): readonly Command[] => [
     group: "Sensors",
     shortcut: "P",
     when: canPropose,
+    reason: () =>
+      prediction.value?.isReady ? "A search is running" : (prediction.value?.text ?? ""),
     run: () => void add(connection.send("propose", {})),
   },
   {
@@ -202,6 +205,7 @@ export const sensorCommands = (): readonly Command[] => [
     group: "Sensors",
     shortcut: "M",
     when: hasCord,
+    reason: "Select a cord first",
     run: openMirrorMenu,
   },
   {
@@ -211,6 +215,7 @@ export const sensorCommands = (): readonly Command[] => [
     group: "Sensors",
     shortcut: "Shift+D",
     when: hasCord,
+    reason: "Select a cord first",
     run: () => startDrawing(true),
   },
   {
@@ -220,6 +225,7 @@ export const sensorCommands = (): readonly Command[] => [
     group: "Sensors",
     shortcut: "S",
     when: hasCord,
+    reason: "Select a cord first",
     run: () => void run(connection.send("smooth-cord", { cord: selectedCord.peek()!.name })),
   },
   {
@@ -228,6 +234,7 @@ export const sensorCommands = (): readonly Command[] => [
     group: "Sensors",
     shortcut: "A",
     when: hasCord,
+    reason: "Select a cord first",
     run: () => addPoint(selectedCord.peek()!),
   },
   {
@@ -237,6 +244,7 @@ export const sensorCommands = (): readonly Command[] => [
     group: "Sensors",
     shortcut: "G",
     when: () => Boolean(selectedCord.value?.isPlanar),
+    reason: "Select a cord in a plane first",
     run: () => {
       isPlaneShown.value = !isPlaneShown.peek();
     },

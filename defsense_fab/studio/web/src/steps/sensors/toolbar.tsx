@@ -1,7 +1,7 @@
 // The tools on the scene: select or draw, the plane that is drawn in, and the view.
 import { effect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { runCommand, useCommands } from "../../commands";
+import { runCommand } from "../../commands";
 import { DrawingBoard } from "../../scene/drawing-board";
 import { cordMenuEntries, viewer } from "../../scene/stage";
 import { cordMenu } from "../../shell/cord-commands";
@@ -17,7 +17,6 @@ import { showLimits } from "./limit-labels";
 import { axisAcross, atOffset, offsetOf, type PlaneAxis } from "./planes";
 import {
   choosePlane,
-  sensorCommands,
   sensorMenu,
   startDrawing,
   stopDrawing,
@@ -26,7 +25,6 @@ import { board, drawingFrame, isDrawing, isRedrawing, proposalShare, selectedCor
 
 /** The tools; while they are on the page, cords can be edited in the scene. */
 export function SensorsToolbar() {
-  useCommands(sensorCommands);
   useEffect(() => effect(() => (viewer.value ? editCords(viewer.value) : undefined)), []);
   return (
     <>

@@ -1,0 +1,68 @@
+// Commands of the step Optimize.
+import type { Command } from "../../commands";
+import { isJobActive } from "../../state/connection";
+import {
+  applyBest,
+  applyLayout,
+  chosen,
+  compareLayouts,
+  layouts,
+  rows,
+  search,
+  standing,
+  view,
+} from "./state";
+
+const built = () => rows.value.find((row) => row.role === "built");
+const canUseBuilt = () => standing.value?.standing === "drawn-differ" && built()?.isDrawn === false;
+
+export const optimizeCommands = (): readonly Command[] => [
+  {
+    id: "optimize.use",
+    label: "Use the optimized cords",
+    hint: "Draw the optimized cords; Undo restores the drawn ones",
+    group: "Optimize",
+    when: canUseBuilt,
+    reason: "No optimized cords differ from the drawn ones",
+    run: () => void applyLayout(built()!.name),
+  },
+  {
+    id: "optimize.best",
+    label: "Use the best so far",
+    hint: "End the search and draw its best cords",
+    group: "Optimize",
+    when: () => search.value?.state !== "none" && Boolean(search.value?.best),
+    reason: "No search has found cords within all limits",
+    run: () => void applyBest(),
+  },
+  {
+    id: "optimize.use-chosen",
+    label: "Use the chosen layout",
+    group: "Optimize",
+    when: () => chosen.value !== null,
+    reason: "Choose a layout in the table first",
+    run: () => void applyLayout(chosen.value!.name),
+  },
+  {
+    id: "optimize.compare",
+    label: "Compare all layouts",
+    hint: "Make the parts of all layouts on trial, and predict their errors after training",
+    group: "Optimize",
+    when: () => !isJobActive.value && layouts.value !== null && !layouts.value.obstacle,
+    reason: () =>
+      isJobActive.value ? "Wait until the running job has ended" : (layouts.value?.obstacle ?? ""),
+    run: () => void compareLayouts(),
+  },
+  {
+    id: "optimize.layouts",
+    label: "Show the layouts",
+    group: "Optimize",
+    run: () => (view.value = "layouts"),
+  },
+  {
+    id: "optimize.search",
+    label: "Show the search",
+    group: "Optimize",
+    run: () => (view.value = "search"),
+  },
+];
