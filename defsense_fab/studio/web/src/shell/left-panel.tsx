@@ -115,6 +115,7 @@ function regionNode(name: string): TreeNode {
   return {
     ...itemNode(item, "region"),
     color: found?.color,
+    hasOutline: true,
     problem: found?.problems.join(" ") || misfitTexts.value.get(`region:${name}`),
     buttons: [eye(item, name)],
     onRename: (to) => void rename(item, to, connection.send("rename-region", { region: name, name: to })),

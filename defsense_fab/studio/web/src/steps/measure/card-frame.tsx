@@ -3,6 +3,7 @@ import type { Problem, TaskStatus } from "../../protocol/messages";
 import { GuidedScreen } from "../../live/guided-screen";
 import { Icon } from "../../ui/icons";
 import type { CardRequest } from "./request";
+import { NextCardButton } from "./next-card";
 import { type CardName, CARD_LABELS, guided, status } from "./state";
 
 interface CardFrameProps {
@@ -23,6 +24,7 @@ export function CardFrame({ name, lead, children }: CardFrameProps) {
         {!isGuiding && <p>{lead}</p>}
       </header>
       {isGuiding && run ? <GuidedScreen state={run} /> : children}
+      {!isGuiding && <NextCardButton name={name} />}
     </article>
   );
 }

@@ -16,7 +16,7 @@ import {
   status,
   trainingSessions,
 } from "./state";
-import { mainVariant } from "../../state/step";
+import { cardVariant } from "./next-card";
 
 /** Sessions, training and evaluation, with their results. */
 export function TrainCard() {
@@ -98,7 +98,7 @@ function Actions({ request }: { request: CardRequest }) {
         </Button>
       )}
       <Button
-        variant={mainVariant.value}
+        variant={cardVariant("train")}
         icon="play"
         disabled={isBusy || !hasSession}
         hint={hint}
