@@ -79,6 +79,9 @@ class InlineJobs:
         else:
             work.on_end(None, result)
 
+    def forget_problem(self):
+        """No problem is kept."""
+
     def close(self):
         """Nothing runs."""
 

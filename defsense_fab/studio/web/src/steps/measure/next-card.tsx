@@ -29,7 +29,7 @@ export function NextCardButton({ name }: { name: CardName }) {
   return (
     <div class="card-next">
       <Button
-        variant={isDone(name) ? "primary" : "quiet"}
+        variant={isDone(name) ? mainVariant.value : "quiet"}
         icon="arrowRight"
         onClick={() => (card.value = next.name)}
       >

@@ -171,11 +171,6 @@ function TrainingTable({ result }: { result: TrainingResult }) {
         </Warning>
       )}
       <Notes notes={result.notes} />
-      <div class="card-actions">
-        <Button icon="arrowRight" onClick={() => (card.value = "live")}>
-          Open Live
-        </Button>
-      </div>
     </section>
   );
 }
