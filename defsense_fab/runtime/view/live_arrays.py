@@ -27,6 +27,7 @@ NO_DEVICE = LiveDevice(
     has_surface=False,
     can_take_rest=False,
     can_record=False,
+    poses=[],
 )
 _QUALITY_TEXTS = {
     Quality.TRUSTED: "The readings are within the range of the training",
@@ -48,6 +49,7 @@ def live_device(device: ViewedDevice, actions: PanelActions) -> LiveDevice:
         has_surface=device.vertices is not None and device.faces is not None,
         can_take_rest=actions.rest is not None,
         can_record=actions.record is not None,
+        poses=list(actions.poses),
     )
 
 

@@ -37,6 +37,7 @@ class LiveDevice(Event, frozen=True, kw_only=True):
         has_surface: Whether there is a surface, or only markers.
         can_take_rest: Whether the present readings can be taken as those at rest.
         can_record: Whether animations can be recorded.
+        poses: Names of the poses that a simulated device can be bent by; empty for a real one.
     """
 
     name: str
@@ -48,6 +49,7 @@ class LiveDevice(Event, frozen=True, kw_only=True):
     has_surface: bool
     can_take_rest: bool
     can_record: bool
+    poses: list[str]
 
 
 class LiveNotes(Event, frozen=True, kw_only=True):
@@ -107,6 +109,18 @@ class TakeRest(Request, frozen=True, kw_only=True):
     """Take the present readings as those of the device at rest."""
 
     lane: ClassVar[str] = "live"
+
+
+class BendTwin(Request, frozen=True, kw_only=True):
+    """Bend the simulated device that runs live.
+
+    Attributes:
+        levels: Level of each pose by its name, 0 to 1; None lets the device move automatically.
+    """
+
+    lane: ClassVar[str] = "live"
+
+    levels: dict[str, float] | None
 
 
 class AnimationResult(Result, frozen=True, kw_only=True):

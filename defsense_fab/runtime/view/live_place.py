@@ -12,6 +12,7 @@ from .live_arrays import NO_DEVICE, FrameArrays, frame_facts, live_device
 from .live_messages import (
     FRAME_ARRAYS,
     AnimationResult,
+    BendTwin,
     FrameFacts,
     LiveNotes,
     RecordAnimation,
@@ -55,6 +56,7 @@ class LivePlace:
             WatchLive: self._watch,
             TakeRest: self._take_rest,
             RecordAnimation: self._record_animation,
+            BendTwin: self._bend_twin,
         }
 
     @property
@@ -125,6 +127,12 @@ class LivePlace:
         if rest is None:
             raise _not_running()
         rest()
+
+    def _bend_twin(self, _: Client, request: BendTwin) -> None:
+        bend = None if self._actions is None else self._actions.bend
+        if bend is None:
+            raise _not_running()
+        bend(request.levels)
 
     def _record_animation(self, _: Client, request: RecordAnimation) -> AnimationResult:
         record = None if self._actions is None else self._actions.record

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..frames.live_frame import Note
@@ -19,6 +19,9 @@ class PanelActions:
         is_recording: Returns whether an animation is being recorded.
         notes: Returns notes on the whole run, which replace those of the frame.
         latency: Returns a sentence about the latency.
+        bend: Bends the simulated device to levels of poses, 0 to 1, or lets it move automatically
+            with None; None for a real device.
+        poses: Names of the poses that the simulated device can be bent by.
     """
 
     rest: Callable[[], None] | None = None
@@ -26,3 +29,5 @@ class PanelActions:
     is_recording: Callable[[], bool] = lambda: False
     notes: Callable[[], Sequence[Note | str]] | None = None
     latency: Callable[[], str] | None = None
+    bend: Callable[[Mapping[str, float] | None], None] | None = None
+    poses: tuple[str, ...] = ()

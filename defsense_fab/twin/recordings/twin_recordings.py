@@ -98,6 +98,7 @@ class TwinRuns:
         converter: The converter of the read-out board.
         traits: The assumptions.
         fields: The displacement fields of the device.
+        built: The built device.
     """
 
     dataset: Dataset
@@ -106,6 +107,7 @@ class TwinRuns:
     converter: Converter
     traits: TwinTraits
     fields: DeviceFields
+    built: BuiltUnit
 
 
 def simulate_runs(
@@ -157,7 +159,7 @@ def simulate_runs(
         tuple(r.recording for r in runs),
         _provenance(device, options, fields),
     )
-    return TwinRuns(dataset, tuple(runs), markers, setup.converter, traits, fields)
+    return TwinRuns(dataset, tuple(runs), markers, setup.converter, traits, fields, built)
 
 
 def make_design_markers(device: Device, build: Build) -> Markers:

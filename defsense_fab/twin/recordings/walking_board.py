@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 from ...core.device.device import Device
 from ...core.progress import Progress, silent
-from ..electronics.cords import CordFault, ReplayedCords
+from ..electronics.cords import CordFault
 from ..electronics.readout_board import ReadoutTwin
 from ..options import CordFamilyName, TwinOptions
+from .bent_cords import BentCords
 from .twin_recordings import TwinRuns, simulate_runs
 
 
@@ -19,12 +20,12 @@ class WalkingBoard:
 
     Attributes:
         device: The device.
-        cords: Its cords, which replay the session.
+        cords: Its cords, which replay the session or are bent by a person.
         runs: The simulated session.
     """
 
     device: Device
-    cords: ReplayedCords
+    cords: BentCords
     runs: TwinRuns
 
     def open(self) -> ReadoutTwin:
@@ -70,5 +71,11 @@ def simulate_walking_board(
     options = TwinOptions(seed=seed, unit=unit, cords=cords, off=tuple(off))
     runs = simulate_runs(device, options, seconds=seconds, progress=progress)
     truth = runs.runs[0].truth
-    replayed = ReplayedCords(runs.dataset.channels, truth.sample_time, truth.ohm, tuple(faults))
-    return WalkingBoard(device, replayed, runs)
+    bent = BentCords(
+        runs.dataset.channels,
+        truth,
+        tuple(pose.name for pose in device.poses),
+        lambda levels: runs.built.signals(runs.fields.space(levels)),
+        tuple(faults),
+    )
+    return WalkingBoard(device, bent, runs)

@@ -156,6 +156,8 @@ def prepare_run(
             undo.callback(animations.discard)
             views.append(animations)
         actions = panel_actions(decoder, animations, folder)
+        if twin is not None:
+            actions.bend, actions.poses = twin.cords.bend, twin.cords.poses
         if view is not None:
             page = LiveView(_viewed_device(live), actions, view)
             undo.callback(page.close)

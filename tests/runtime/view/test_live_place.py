@@ -12,6 +12,7 @@ import pytest
 from defsense_fab.core.errors import LiveError
 from defsense_fab.runtime.frames.live_frame import Note, Quality
 from defsense_fab.runtime.view.live_messages import (
+    BendTwin,
     LiveDevice,
     LiveNotes,
     RecordAnimation,
@@ -213,3 +214,18 @@ def test_markers_alone_are_shown_without_a_surface(place, server):
     ask(place, browser, WatchLive(id=1, is_watching=True))
     place.send(frame())
     assert "vertices" not in facts_of(browser.messages[-1][1])[1]
+
+
+def test_a_simulated_device_is_bent_by_its_poses(place, server):
+    bent = []
+    place.open(DEVICE, PanelActions(bend=bent.append, poses=("bend", "twist")))
+    assert server.events[LiveDevice].poses == ["bend", "twist"]
+    ask(place, Browser(), BendTwin(id=1, levels={"bend": 0.5}))
+    ask(place, Browser(), BendTwin(id=2, levels=None))
+    assert bent == [{"bend": 0.5}, None]
+
+
+def test_a_real_device_cannot_be_bent(place):
+    place.open(DEVICE, PanelActions())
+    with raises(LiveError, "not-running"):
+        ask(place, Browser(), BendTwin(id=1, levels={}))

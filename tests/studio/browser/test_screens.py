@@ -26,6 +26,7 @@ SIZES = (PHONE, DESKTOP, {"width": 1920, "height": 1080})
 SEVERE = ("serious", "critical")
 FONTS_ARE_LOADED = "document.fonts.ready.then(() => undefined)"
 FITS = "document.documentElement.scrollWidth <= window.innerWidth"
+BENT = 0.5  # control of a pose that is shown fully
 FIT_TIMEOUT_S = 10.0  # in which the page follows a new size of the window
 
 
@@ -152,5 +153,10 @@ def test_live_view_of_the_simulated_twin(screens, serve, live_bar, tmp_path):
     dismiss_introduction(device.page)
     open_live_view(device.page)
     device.examine("live view")
+    automatic = device.page.get_by_role("checkbox", name="Let it move automatically")
+    device.page.get_by_role("slider", name="Bend by twist").press("End")
+    assert until(lambda: not automatic.is_checked())
+    twist = device.page.get_by_role("meter", name="twist")
+    assert until(lambda: float(twist.get_attribute("aria-valuenow")) > BENT)
     device.page.get_by_role("region", name="Live view").get_by_role("button", name="Stop").click()
     device.page.get_by_role("dialog", name="Live").wait_for(state="hidden")

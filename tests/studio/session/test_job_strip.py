@@ -38,6 +38,18 @@ def test_a_job_that_gives_way_is_canceled_by_the_next_one(strip):
         strip.start(quiet)
 
 
+def test_the_problem_of_the_last_job_is_forgotten(strip):
+    strip.start(Work(name="build", title="Build", job=fail))
+    assert strip.wait(TIMEOUT_S)
+    assert strip.job.problem.code == "broken"
+    strip.forget_problem()
+    assert strip.job.problem is None
+
+
+def fail(_):
+    raise DefsenseError("it is broken", code="broken")
+
+
 def sleep(_, seconds):
     time.sleep(seconds)
 

@@ -19,8 +19,8 @@ from ...messages import poses as messages
 from ...session.cord_states import rounded
 from .grips import rotation_center, shape_center
 
-#: Colors of regions in their order, which color-blind people can distinguish (Okabe and Ito).
-REGION_COLORS = ("#e69f00", "#0072b2", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#b8a500")
+#: Colors of regions in their order: pale ones, as those of cords are strong (light of Tol, 2021).
+REGION_COLORS = ("#eedd88", "#99b8dd", "#bbcc77", "#ffaabb", "#77cfbe", "#ee9f78", "#c4b0dc")
 _MIN_ANGLE_RAD = 1e-6
 _AXIS_TOLERANCE = 1e-9
 _DIGEST_LENGTH = 16

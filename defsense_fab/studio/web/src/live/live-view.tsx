@@ -6,6 +6,7 @@ import { connection } from "../state/connection";
 import { run } from "../state/run";
 import { showToast } from "../state/toasts";
 import { Button, IconButton } from "../ui/button";
+import { BendControls } from "./bend-controls";
 import { ControlList } from "./control-list";
 import "./live.css";
 import { LiveScene } from "./live-scene";
@@ -87,6 +88,7 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
       <aside class="live-side" aria-label="Values" tabIndex={0}>
         {isRunning && (
           <>
+            {device!.poses.length > 0 && <BendControls poses={device!.poses} />}
             <h3>Controls</h3>
             <ControlList facts={shownFrame.value?.facts ?? null} />
             <Numbers />

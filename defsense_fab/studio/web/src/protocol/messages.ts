@@ -15,6 +15,7 @@ export interface Protocol {
     | AddStraight
     | AddStroke
     | Answer
+    | BendTwin
     | CancelJob
     | ChooseRow
     | CloseDevice
@@ -241,6 +242,19 @@ export interface Answer {
   kind: "answer";
   id: number;
   run: boolean;
+}
+/**
+ * Bend the simulated device that runs live.
+ *
+ *     Attributes:
+ *         levels: Level of each pose by its name, 0 to 1; None lets the device move automatically.
+ */
+export interface BendTwin {
+  kind: "bend-twin";
+  id: number;
+  levels: {
+    [k: string]: number;
+  } | null;
 }
 /**
  * Cancel the job.
@@ -2047,6 +2061,7 @@ export interface GhostCord {
  *         has_surface: Whether there is a surface, or only markers.
  *         can_take_rest: Whether the present readings can be taken as those at rest.
  *         can_record: Whether animations can be recorded.
+ *         poses: Names of the poses that a simulated device can be bent by; empty for a real one.
  */
 export interface LiveDevice {
   kind: "live-device";
@@ -2059,6 +2074,7 @@ export interface LiveDevice {
   hasSurface: boolean;
   canTakeRest: boolean;
   canRecord: boolean;
+  poses: string[];
 }
 /**
  * What the user should know about the run, a few times a second if it changes.
@@ -2947,6 +2963,7 @@ export interface Results {
   "add-straight": CordResult;
   "add-stroke": CordResult;
   answer: null;
+  "bend-twin": null;
   "cancel-job": null;
   "choose-row": null;
   "close-device": null;

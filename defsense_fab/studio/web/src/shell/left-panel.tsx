@@ -114,6 +114,7 @@ function regionNode(name: string): TreeNode {
   return {
     ...itemNode(item, "region"),
     color: found?.color,
+    hasOutline: true,
     problem: found?.problems.join(" ") || misfitTexts.value.get(`region:${name}`),
     buttons: [eye(item, name)],
     onRename: (to) => renameOrReason("region", name, to),

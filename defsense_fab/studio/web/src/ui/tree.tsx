@@ -16,6 +16,8 @@ export interface TreeNode {
   picture?: string;
   /** Color of a swatch, in place of an icon. */
   color?: string;
+  /** Whether the swatch has an outline, as those of regions. */
+  hasOutline?: boolean;
   /** Number at the right of a group. */
   count?: number;
   /** A broken limit, shown as a red mark. */
@@ -213,7 +215,7 @@ function TreeRow(props: TreeRowProps) {
       {node.picture ? (
         <img class="tree-picture" src={node.picture} alt="" draggable={false} />
       ) : node.color ? (
-        <span class="swatch" style={{ background: node.color }} />
+        <span class={`swatch ${node.hasOutline ? "region" : ""}`} style={{ background: node.color }} />
       ) : (
         node.icon && <Icon name={node.icon} />
       )}

@@ -8,6 +8,9 @@ import { inside, type SectionData, type SectionView } from "./section-view";
 const BAR = { width: 204, height: 12 };
 /** Values count as beyond the range if they are farther than this share of it. */
 const BEYOND = 0.02;
+/** Width of a digit of a tick and the smallest gap between two ticks, px. */
+const DIGIT_PX = 7;
+const TICK_GAP_PX = 8;
 
 interface SectionLegendProps {
   view: SectionView;
@@ -77,7 +80,7 @@ interface ColorBarProps {
 function ColorBar({ scale, section, hovered }: ColorBarProps) {
   const canvas = useRef<HTMLCanvasElement>(null);
   useEffect(() => draw(canvas.current!, scale), [scale]);
-  const ticks = scale.ticks();
+  const ticks = labeledTicks(scale);
   const { low, high } = scale.range;
   const margin = BEYOND * (high - low);
   const percent = (value: number) => `${100 * scale.shareOf(value)}%`;
@@ -96,6 +99,16 @@ function ColorBar({ scale, section, hovered }: ColorBarProps) {
       ))}
     </div>
   );
+}
+
+/** The ticks that have room for their numbers; 0 is one of them. */
+function labeledTicks(scale: ColorScale): number[] {
+  const ticks = scale.ticks();
+  const { low, high, step } = scale.range;
+  const digits = Math.max(...ticks.map((value) => formatValue(value, scale.range).length)) + 1;
+  const spacing = (BAR.width * step) / (high - low);
+  const every = Math.max(1, Math.ceil((digits * DIGIT_PX + TICK_GAP_PX) / spacing));
+  return ticks.filter((value) => Math.round(value / step) % every === 0);
 }
 
 /** Paint each pixel with the color that the section has for its value. */

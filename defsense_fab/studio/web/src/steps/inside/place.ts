@@ -21,10 +21,12 @@ const isReady = computed(() => inside.value?.isReady ?? false);
 
 /** Show the place while there is one; return a function that forgets it. */
 export function showPlace(viewer: Viewer, view: SectionView): () => void {
+  let wasShown = false;
   const stop = effect(() => {
     const shown = place.value;
     viewer.labels.set("place", shown && isReady.value ? [label(shown)] : []);
     if (!shown || !isReady.value) return;
+    wasShown = true;
     const { camera, controls } = viewer.rig;
     const toViewer = camera.position.clone().sub(controls.target);
     const isSeen = normalOf(shown.plane).dot(toViewer) > 0;
@@ -34,6 +36,7 @@ export function showPlace(viewer: Viewer, view: SectionView): () => void {
   });
   return () => {
     stop();
+    if (wasShown) viewer.rig.fit();
     place.value = null;
     viewer.labels.set("place", []);
   };

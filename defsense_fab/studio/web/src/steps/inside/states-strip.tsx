@@ -41,7 +41,7 @@ export function StatesStrip() {
               style={{ flexGrow: end - first }}
               title={name}
             >
-              {name}
+              <span>{name}</span>
             </span>
           ))}
         </div>

@@ -4,6 +4,7 @@ import { GuidedScreen } from "../../live/guided-screen";
 import { RemedyButton } from "../../shell/remedy-button";
 import { Icon } from "../../ui/icons";
 import type { CardRequest } from "./request";
+import { NextCardButton } from "./next-card";
 import { type CardName, CARD_LABELS, guided, status } from "./state";
 
 interface CardFrameProps {
@@ -24,6 +25,7 @@ export function CardFrame({ name, lead, children }: CardFrameProps) {
         {!isGuiding && <p>{lead}</p>}
       </header>
       {isGuiding && run ? <GuidedScreen state={run} /> : children}
+      {!isGuiding && <NextCardButton name={name} />}
     </article>
   );
 }

@@ -11,7 +11,7 @@ import { PortField, portOf, TWIN_PORT } from "./port-field";
 import { useRequest } from "./request";
 import { choices, isGuidedOpen, results, status } from "./state";
 import { TextInput } from "./text-input";
-import { mainVariant } from "../../state/step";
+import { cardVariant } from "./next-card";
 
 const port = signal(TWIN_PORT);
 const fault = signal("");
@@ -69,7 +69,7 @@ export function CheckCard() {
       </div>
       <div class="card-actions">
         <Button
-          variant={mainVariant.value}
+          variant={cardVariant("check")}
           icon="play"
           isBusy={task?.state === "running"}
           disabled={isGuidedOpen.value || isJobActive.value || !choices.value?.isBuilt}

@@ -10,7 +10,7 @@ import { PortField, portOf, TWIN_PORT } from "./port-field";
 import { useRequest } from "./request";
 import { card, choices, isLiveShown, status } from "./state";
 import { TextInput } from "./text-input";
-import { mainVariant } from "../../state/step";
+import { cardVariant } from "./next-card";
 
 const model = signal("");
 const port = signal(TWIN_PORT);
@@ -98,7 +98,7 @@ function LiveForm({ models }: { models: readonly ModelChoice[] }) {
       <div class="card-actions">
         {isRunning || task?.state === "stopping" ? (
           <>
-            <Button variant={mainVariant.value} icon="monitor" onClick={() => (isLiveShown.value = true)}>
+            <Button variant={cardVariant("live")} icon="monitor" onClick={() => (isLiveShown.value = true)}>
               Show the live view
             </Button>
             <Button
@@ -111,7 +111,7 @@ function LiveForm({ models }: { models: readonly ModelChoice[] }) {
           </>
         ) : (
           <Button
-            variant={mainVariant.value}
+            variant={cardVariant("live")}
             icon="play"
             disabled={Boolean(chosen.problem)}
             hint={chosen.problem || undefined}

@@ -9,7 +9,7 @@ import { PortField, portOf, TWIN_PORT } from "./port-field";
 import { useRequest } from "./request";
 import { card, choices, isGuidedOpen, status } from "./state";
 import { TextInput } from "./text-input";
-import { mainVariant } from "../../state/step";
+import { cardVariant } from "./next-card";
 
 type Source = "twin" | "device";
 
@@ -100,7 +100,7 @@ function TwinForm() {
       </div>
       <div class="card-actions">
         <Button
-          variant={mainVariant.value}
+          variant={cardVariant("record")}
           icon="play"
           isBusy={task?.state === "running"}
           disabled={isJobActive.value || !choices.value?.isBuilt}
@@ -182,7 +182,7 @@ function DeviceForm() {
       </div>
       <div class="card-actions">
         <Button
-          variant={mainVariant.value}
+          variant={cardVariant("record")}
           icon="play"
           isBusy={task?.state === "running"}
           disabled={isGuidedOpen.value || isJobActive.value || !choices.value?.hasTags}

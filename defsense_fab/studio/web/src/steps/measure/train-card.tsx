@@ -17,7 +17,7 @@ import {
   status,
   trainingSessions,
 } from "./state";
-import { mainVariant } from "../../state/step";
+import { cardVariant } from "./next-card";
 
 const makeState = connection.event("make-state");
 
@@ -101,7 +101,7 @@ function Actions({ request }: { request: CardRequest }) {
         </Button>
       )}
       <Button
-        variant={mainVariant.value}
+        variant={cardVariant("train")}
         icon="play"
         disabled={isBusy || !hasSession}
         hint={hint}
@@ -176,11 +176,6 @@ function TrainingTable({ result }: { result: TrainingResult }) {
         </Warning>
       )}
       <Notes notes={result.notes} />
-      <div class="card-actions">
-        <Button icon="arrowRight" onClick={() => (card.value = "live")}>
-          Open Live
-        </Button>
-      </div>
     </section>
   );
 }

@@ -34,6 +34,9 @@ const RING_PX = 86;
 const RING_SHARE = 0.2;
 const HEAD_PX = 12;
 const RING_POINTS = 72;
+/** Distance of the name of a ring's axis, in radii, and how far it leaves the widest place. */
+const LABEL_REACH = 1.13;
+const LABEL_TURN = 0.15;
 const TITLE_GAP_PX = 8;
 const AXES = ["x", "y", "z"] as const;
 const UNITS = [new Vector3(1, 0, 0), new Vector3(0, 1, 0), new Vector3(0, 0, 1)];
@@ -48,6 +51,8 @@ interface Part {
   front: SVGPathElement;
   back: SVGPathElement;
   hit: SVGPathElement;
+  /** Name of a ring's axis, at the ring. */
+  label: SVGTextElement | null;
 }
 
 interface Drag {
@@ -136,8 +141,14 @@ export class Gizmo {
     hit.setAttribute("role", "slider");
     hit.setAttribute("aria-valuenow", "0");
     group.append(back, front, hit);
+    const label = kind === "ring" ? document.createElementNS(SVG, "text") : null;
+    if (label) {
+      label.textContent = AXES[axis]!;
+      label.setAttribute("aria-hidden", "true");
+      group.append(label);
+    }
     this.svg.append(group);
-    const part = { kind, axis, front, back, hit };
+    const part = { kind, axis, front, back, hit, label };
     hit.addEventListener("pointerdown", (event) => this.press(part, event));
     hit.addEventListener("pointermove", (event) => this.move(event));
     hit.addEventListener("pointerup", (event) => this.release(event));
@@ -322,11 +333,13 @@ export class Gizmo {
     this.title.style.transform = `translate(${Math.round(left)}px, ${Math.round(top)}px)`;
   }
 
-  private arrangeRing({ axis, front, back, hit }: Part, mm: number): void {
+  private arrangeRing({ axis, front, back, hit, label }: Part, mm: number): void {
     const [u, v] = around(axis);
     const view = this.viewer.rig.camera.position.clone().sub(this.center);
     let [near, far] = ["", ""];
     let wasNear = false;
+    let [labelAt, farthest] = [u, -1];
+    const [cx, cy] = this.viewer.project(this.center);
     for (let i = 0; i <= RING_POINTS; i++) {
       const angle = (2 * Math.PI * i) / RING_POINTS;
       const spoke = u.clone().multiplyScalar(Math.cos(angle)).addScaledVector(v, Math.sin(angle));
@@ -341,7 +354,13 @@ export class Gizmo {
         else far += `M${pixel}`;
       }
       wasNear = isNear;
+      const [x, y] = this.viewer.project(this.center.clone().addScaledVector(spoke, RING_PX * mm));
+      const distance = isNear ? Math.hypot(x - cx, y - cy) * (1 - LABEL_TURN * Math.cos(angle)) : -1;
+      if (distance > farthest) [labelAt, farthest] = [spoke, distance];
     }
+    const [x, y] = this.viewer.project(this.center.clone().addScaledVector(labelAt, LABEL_REACH * RING_PX * mm));
+    label?.setAttribute("x", x.toFixed(1));
+    label?.setAttribute("y", y.toFixed(1));
     front.setAttribute("d", near);
     back.setAttribute("d", far);
     hit.setAttribute("d", near);

@@ -87,7 +87,7 @@ function Overview() {
           {regions.value.map(({ name, color, count, problems }) => (
             <li key={name}>
               <button type="button" class="item-row" onClick={() => select({ kind: "region", name })}>
-                <span class="swatch" style={{ background: color }} />
+                <span class="swatch region" style={{ background: color }} />
                 <span>{name}</span>
                 {problems.length > 0 && <Icon name="warning" size={14} />}
                 {isMeshed.value && <span class="muted">{count} points</span>}

@@ -120,12 +120,12 @@ function RegionRow({ pose, name, color, role }: RegionRowProps) {
             aria-pressed={isChosen}
             onClick={() => (chosenGrip.value = { region: name, pull: -1 })}
           >
-            <span class="swatch" style={{ background: color }} />
+            <span class="swatch region" style={{ background: color }} />
             {name}
           </button>
         ) : (
           <span class="region-name">
-            <span class="swatch" style={{ background: color }} />
+            <span class="swatch region" style={{ background: color }} />
             {name}
           </span>
         )}

@@ -35,7 +35,7 @@ export function RegionPanel({ region }: { region: RegionState }) {
   return (
     <>
       <header class="item-header">
-        <span class="swatch" style={{ background: region.color }} />
+        <span class="swatch region" style={{ background: region.color }} />
         <h2>{region.name}</h2>
         <MenuButton label={`Actions for ${region.name}`} entries={regionMenu} />
       </header>
