@@ -19,7 +19,6 @@ pytest.importorskip("playwright")
 from playwright.sync_api import expect
 
 pytest.importorskip("playwright")
-from playwright.sync_api import expect
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
 
