@@ -13,7 +13,7 @@ const REQUESTS = {
   region: (region: string, name: string) => connection.send("rename-region", { region, name }),
 };
 
-export type Renamable = keyof typeof REQUESTS;
+type Renamable = keyof typeof REQUESTS;
 
 /** Rename an item; a refusal is thrown. */
 export async function rename(kind: Renamable, name: string, to: string): Promise<void> {
