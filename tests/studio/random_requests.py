@@ -60,6 +60,9 @@ class RandomRequests:
                 if name == "axes" and is_nested and self.random.random() < 0.5:
                     return [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
                 return [self._value(item, name) for _ in range(choose((0, 1, 2, 2, 3, 3, 3, 9)))]
+            case inspect.DictType(key_type=key, value_type=value):
+                names = [self._value(key, "pose") for _ in range(choose((0, 1, 2, 3)))]
+                return {name: self._value(value, "") for name in names}
             case inspect.BoolType():
                 return choose((True, False))
             case inspect.IntType():

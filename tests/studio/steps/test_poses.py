@@ -307,6 +307,7 @@ def test_each_browser_gets_only_its_own_pose(bench):
     assert other.events[poses.PoseShape].share == 0.5
 
 
+@pytest.mark.slow
 def test_a_pose_that_is_not_reached_has_a_warning_until_it_is_changed(bench):
     bench.ask(poses.ShowPose, pose="bend_up")
     shown = bench.shape()

@@ -166,6 +166,7 @@ def test_stroke_becomes_a_cord_and_replaces_a_path(app):
         app.browser.ask("add-stroke", stroke=line.tolist(), replaces=name, **other)
 
 
+@pytest.mark.slow
 def test_broken_limit_has_a_place_and_makes_the_step_stale(app):
     name, cord = next(iter(cords(app).items()))
     x, _ = cord.points[1]
