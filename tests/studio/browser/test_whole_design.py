@@ -124,12 +124,13 @@ def test_a_device_is_designed_and_exported(design, tmp_path):
     design.next("Simulate the poses").wait_for()  # once the body is made
     expect(step_button(page, "Body")).to_have_attribute("aria-current", "step")
     person.click(step_button(page, "Poses"))  # where it is meshed
+    ring = page.get_by_role("slider", name="Turn tip about y")
+    ring.wait_for()
     states = page.get_by_role("group", name="States")
     person.click(states.get_by_role("button", name="bend_down"))
     person.press("Delete")
     assert until(lambda: [pose.name for pose in design.device.poses] == ["bend_up", "twist"])
     person.click(states.get_by_role("button", name="bend_up"))
-    ring = page.get_by_role("slider", name="Turn tip about y")
     ring.wait_for()
     before = design.angle()
     person.drag(along_visible_part(ring))
