@@ -13,6 +13,8 @@ from .twin_recordings import Truth
 
 FOLLOW_S = 0.12  # time constant with which the body follows a person's hand
 MAX_TOTAL_LEVEL = 1.05  # of all poses together, as in simulated sessions
+_MIN_REST_SAMPLES = 20  # of which the noise is estimated
+_SEED = 1  # of the noise
 _MIN_SIGNAL = 1e-9  # a cord whose signals vary less is not stretched
 
 
@@ -20,7 +22,8 @@ class BentCords(ReplayedCords):
     """Cords that repeat a session, or that follow levels of poses which a person sets.
 
     Bent by a person, they have no memory: their resistances rise from rest with the signals, as
-    steeply as they do in the session on average.
+    steeply as they do in the session on average, with the noise of its rest. During the rest with
+    which the session begins, in which resistances at rest are measured, nobody bends them.
 
     Args:
         channels: Names of the channels (c).
@@ -44,6 +47,11 @@ class BentCords(ReplayedCords):
         self._signals_at = signals_at
         fits = zip(truth.signals.T, truth.ohm.T, strict=True)
         self._slopes = np.array([_fit_slope(signal, ohm) for signal, ohm in fits])
+        is_moving = truth.weights.any(axis=1)
+        moves_from = int(is_moving.argmax()) if is_moving.any() else len(is_moving)
+        self._rest_end = float(truth.sample_time[: moves_from + 1][-1])
+        steps = np.diff(truth.ohm[: max(moves_from, _MIN_REST_SAMPLES)], axis=0)
+        self._noise, self._rng = steps.std(axis=0) / np.sqrt(2), np.random.default_rng(_SEED)
         self._lock = threading.Lock()
         self._target: Float | None = None
         self._levels, self._time = np.zeros(self._count), 0.0
@@ -63,14 +71,15 @@ class BentCords(ReplayedCords):
 
     def _replay(self, time: float) -> Float:
         with self._lock:
-            if self._target is None:
+            if self._target is None or time < self._rest_end:
                 self._time = time
                 return super()._replay(time)
             passed = max(time - self._time, 0.0)
             self._levels += (1 - np.exp(-passed / FOLLOW_S)) * (self._target - self._levels)
             self._time = time
             signals = self._signals_at(self._levels[None])[0]
-        return np.asarray(self.rest + self._slopes * signals)
+            noise = self._noise * self._rng.normal(size=len(self._noise))
+        return np.asarray(self.rest + self._slopes * signals + noise)
 
 
 def _fit_slope(signal: Float, ohm: Float) -> float:

@@ -10,6 +10,7 @@ from defsense_fab.twin.recordings.twin_recordings import Truth
 TIME = np.linspace(0, 20, 2001)
 GAINS = np.array([[0.1, -0.05], [0.0, 0.2], [0.3, 0.3]])  # of the poses (3) in the cords (2)
 REST = np.array([1000.0, 2000.0])
+REST_SAMPLES = 100  # 1 s
 
 
 def signals_at(levels):
@@ -19,7 +20,7 @@ def signals_at(levels):
 @pytest.fixture
 def cords():
     weights = np.zeros((len(TIME), 3))
-    weights[1000:, 0] = np.linspace(0, 1, 1001)
+    weights[REST_SAMPLES:, 0] = np.linspace(0, 1, len(TIME) - REST_SAMPLES + 1)[1:]
     weights[1500:, 1] = np.linspace(0, 1, 501)
     signals = signals_at(weights)
     truth = Truth(TIME, np.zeros((0, 0, 3)), TIME, weights, signals, REST * (1 + signals))
@@ -32,7 +33,7 @@ def hold(cords, start, seconds=2.0, step=0.01):
 
 
 def test_the_session_is_repeated_until_somebody_bends(cords):
-    np.testing.assert_allclose(hold(cords, 0.0, 1.0), REST)
+    np.testing.assert_allclose(hold(cords, 0.0, 0.9), REST)
     cords.bend({"bend": 1.0})
     np.testing.assert_allclose(hold(cords, 1.0), REST * (1 + GAINS[0]), rtol=1e-3)
     cords.bend({"twist": 0.5})
@@ -40,20 +41,26 @@ def test_the_session_is_repeated_until_somebody_bends(cords):
     cords.bend({})
     np.testing.assert_allclose(hold(cords, 5.0), REST, rtol=1e-3)
     cords.bend(None)
-    np.testing.assert_allclose(cords.sample(9.0, 0.5), REST)
+    np.testing.assert_allclose(cords.sample(0.2, 0.5), REST)
+
+
+def test_nobody_bends_the_cords_in_the_first_rest(cords):
+    cords.bend({"bend": 1.0})
+    np.testing.assert_allclose(hold(cords, 0.0, 0.9), REST)
+    np.testing.assert_allclose(hold(cords, 1.0), REST * (1 + GAINS[0]), rtol=1e-3)
 
 
 def test_the_body_follows_smoothly(cords):
-    cords.sample(0.0, 0.01)
+    cords.sample(1.0, 0.01)
     cords.bend({"bend": 1.0})
-    first = cords.sample(0.01, 0.01)
+    first = cords.sample(1.01, 0.01)
     assert REST[0] < first[0] < REST[0] * (1 + 0.2 * GAINS[0, 0])
 
 
 def test_levels_are_limited_and_unknown_poses_are_ignored(cords):
     cords.bend({"bend": 7.0, "twist": 7.0, "other": 1.0})
     expected = REST * (1 + (GAINS[0] + GAINS[1]) * MAX_TOTAL_LEVEL / 2)
-    np.testing.assert_allclose(hold(cords, 0.0), expected, rtol=1e-3)
+    np.testing.assert_allclose(hold(cords, 1.0), expected, rtol=1e-3)
 
 
 def test_faults_remain_while_somebody_bends(cords):

@@ -18,15 +18,16 @@ export function TooltipLayer() {
 
   useEffect(() => followPointerAndFocus(setAnchor), []);
 
+  const { tooltip: text = "", shortcut } = anchor?.dataset ?? {};
+  const isEmpty = !text && !shortcut; // also if the shown element loses its text
   useEffect(() => {
     const element = layer.current;
-    if (!element || !anchor) return undefined;
+    if (!element || !anchor || isEmpty) return undefined;
     element.showPopover();
     placeNextTo(element, anchor.getBoundingClientRect(), "below");
     return () => element.hidePopover();
-  }, [anchor]);
+  }, [anchor, isEmpty]);
 
-  const { tooltip: text = "", shortcut } = anchor?.dataset ?? {};
   return (
     <div ref={layer} class="tooltip" role="tooltip" popover="manual">
       {text}
