@@ -123,6 +123,8 @@ class _User:
         return cords
 
     def _drag(self, handle: Any, steps: int) -> None:
+        self.page.keyboard.press("f")  # a handle outside the view would be under another control
+        self.page.wait_for_timeout(500)
         x, y = middle(handle)
         dx, dy = self.rng.uniform(-30, 30), self.rng.uniform(-30, 30)
         self.page.mouse.move(x, y)
