@@ -135,10 +135,14 @@ export class CameraRig {
     this.go(this.fitted(turn, up, fieldDeg), isSmooth, true);
   }
 
-  /** Fit the view again if it showed the whole object, which has left the picture since. */
+  /** Fit the view again if it showed the whole object, which may have changed since. */
+  fitAgain(): void {
+    if (this.isFitted && !this.isFacing) this.fit();
+  }
+
+  /** Do so if a part of it has left the picture. */
   keepInView(): void {
     const { target, turn, height, fieldDeg } = this.goal();
-    if (!this.isFitted || this.isFacing) return;
     const inverse = turn.clone().invert();
     const flatness = fieldDeg < SMALLEST_FIELD_DEG ? 0 : (2 * tangent(fieldDeg)) / height;
     const isOutside = this.corners.some((corner) => {
@@ -146,7 +150,7 @@ export class CameraRig {
       const half = (height / 2) * (1 - z * flatness);
       return Math.abs(y) > half || Math.abs(x) > (half * this.width) / this.height;
     });
-    if (isOutside) this.fit();
+    if (isOutside) this.fitAgain();
   }
 
   /** Show the whole object from a side. */
