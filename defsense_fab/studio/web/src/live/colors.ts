@@ -11,7 +11,7 @@ const NARROW: Rgb = [40, 150, 80];
 const WIDE: Rgb = [215, 40, 60];
 
 /** Distinct for color-blind people, too (Okabe & Ito 2008). */
-export const LINE_COLORS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00"];
+const LINE_COLORS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00"];
 
 export function lineColor(index: number): string {
   return LINE_COLORS[index % LINE_COLORS.length]!;

@@ -40,7 +40,7 @@ export class Readout {
 }
 
 /** Return a number with its sign and two decimals. */
-export function signed(value: number): string {
+function signed(value: number): string {
   const text = Math.abs(value).toFixed(2);
   return Number(text) === 0 ? text : `${value < 0 ? "\u2212" : "+"}${text}`;
 }

@@ -25,7 +25,7 @@ export const viewer = signal<Viewer | null>(null);
 export const isBodyShown = signal(true);
 export const areCordsShown = signal(true);
 /** Opacity of the body, 0 to 1. */
-export const bodyOpacity = signal(1);
+const bodyOpacity = signal(1);
 
 /** The menu of the selected cords; a step can replace it. */
 export const cordMenuEntries = signal<() => readonly MenuEntry[]>(cordMenu);

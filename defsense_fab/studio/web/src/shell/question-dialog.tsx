@@ -13,7 +13,7 @@ const UNSEEN =
 const USUAL = /^(?:[\n\t]|\r(?=\n))/;
 
 /** A text in pieces; each character that is not seen is a piece of its own, as \uXXXX. */
-export function revealUnseen(text: string): { text: string; isUnseen: boolean }[] {
+function revealUnseen(text: string): { text: string; isUnseen: boolean }[] {
   const pieces: { text: string; isUnseen: boolean }[] = [];
   let end = 0;
   for (const match of text.matchAll(UNSEEN)) {

@@ -2,7 +2,7 @@
 import { computed, effect, signal } from "@preact/signals";
 import { storedSignal } from "./storage";
 
-export const THEMES = ["system", "light", "dark"] as const;
+const THEMES = ["system", "light", "dark"] as const;
 export type Theme = (typeof THEMES)[number];
 
 const isTheme = (value: unknown): value is Theme => THEMES.includes(value as Theme);

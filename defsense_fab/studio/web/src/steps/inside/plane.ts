@@ -43,13 +43,6 @@ export function slide(plane: Frame, distance: number): Frame {
   return { origin: origin.toArray(), axes: plane.axes };
 }
 
-/** Turn a plane about its x axis (0) or y axis (1), radians. */
-export function tilt({ origin, axes }: Frame, about: 0 | 1, angle: number): Frame {
-  const axis = vector(axes[about]!);
-  const turned = axes.map((row) => vector(row).applyAxisAngle(axis, angle).toArray());
-  return { origin, axes: orthonormal(turned) };
-}
-
 /** Turn a plane over, so that the other half of the body is shown. */
 export function flip({ origin, axes: [x, y, normal] }: Frame): Frame {
   return { origin, axes: [x!, y!.map((v) => -v), normal!.map((v) => -v)] };

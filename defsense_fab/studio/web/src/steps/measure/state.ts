@@ -3,7 +3,7 @@ import { computed, signal } from "@preact/signals";
 import { connection, device } from "../../state/connection";
 import { storedSignal } from "../../state/storage";
 
-export const CARDS = ["check", "record", "train", "live", "specimen"] as const;
+const CARDS = ["check", "record", "train", "live", "specimen"] as const;
 export type CardName = (typeof CARDS)[number];
 
 export const choices = connection.event("measure-choices");

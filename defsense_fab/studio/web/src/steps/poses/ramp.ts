@@ -144,7 +144,7 @@ export async function playRamp(): Promise<void> {
   film = requestAnimationFrame(show);
 }
 
-export function stopFilm(): void {
+function stopFilm(): void {
   cancelAnimationFrame(film);
   if (isPlaying.peek()) isPlaying.value = false;
 }

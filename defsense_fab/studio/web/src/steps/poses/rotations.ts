@@ -26,7 +26,7 @@ export function quaternion(rotation: Vector3): Quaternion {
 }
 
 /** The rotation vector of a quaternion that is nearest to the previous one. */
-export function nearestVector(q: Quaternion, previous: Vector3): Vector3 {
+function nearestVector(q: Quaternion, previous: Vector3): Vector3 {
   const sine = Math.hypot(q.x, q.y, q.z);
   if (sine < SMALLEST_ANGLE) {
     const turns = Math.round(previous.length() / (2 * Math.PI));

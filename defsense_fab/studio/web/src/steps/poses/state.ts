@@ -34,7 +34,7 @@ export const shownPose = computed(() => {
   return posesState.value?.poses.find(({ name }) => name === last?.name);
 });
 
-export function findRegion(name: string): RegionState | undefined {
+function findRegion(name: string): RegionState | undefined {
   return regions.value.find((region) => region.name === name);
 }
 

@@ -80,7 +80,7 @@ function movePlane(by: number): void {
 }
 
 /** Add a control point in the longest span, or in the one after the selected point. */
-export function addPoint({ name, points }: CordState): void {
+function addPoint({ name, points }: CordState): void {
   const spans = points.slice(1).map((p, i) => Math.hypot(...p.map((v, k) => v - points[i]![k]!)));
   const chosen = selectedPoint.peek();
   const span =
