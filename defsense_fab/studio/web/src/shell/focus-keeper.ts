@@ -7,7 +7,7 @@ import { focusableIn, focusHeading, focusScene } from "./regions";
 const DELAY_MS = 30;
 const LAYERS = "dialog, [role=menu], [popover]";
 /** Elements whose content is that of a step: when it is replaced, the focus goes to the heading. */
-const FRAMES = ".inspector, .inspector-content, .bottom-panel, .bottom-content, .workspace, .shell";
+const FRAMES = "body, body > *, .inspector, .inspector-content, .bottom-panel, .bottom-content, .workspace, .shell";
 
 interface Place {
   element: HTMLElement;
