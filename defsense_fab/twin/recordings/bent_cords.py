@@ -47,8 +47,8 @@ class BentCords(ReplayedCords):
         self._signals_at = signals_at
         fits = zip(truth.signals.T, truth.ohm.T, strict=True)
         self._slopes = np.array([_fit_slope(signal, ohm) for signal, ohm in fits])
-        is_moving = truth.weights.any(axis=1)
-        moves_from = int(is_moving.argmax()) if is_moving.any() else len(is_moving)
+        moving = np.flatnonzero(truth.weights.any(axis=1))
+        moves_from = int(moving[0]) if len(moving) else len(truth.weights)
         self._rest_end = float(truth.sample_time[: moves_from + 1][-1])
         steps = np.diff(truth.ohm[: max(moves_from, _MIN_REST_SAMPLES)], axis=0)
         self._noise, self._rng = steps.std(axis=0) / np.sqrt(2), np.random.default_rng(_SEED)

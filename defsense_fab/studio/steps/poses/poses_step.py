@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 from typing import Literal
 
@@ -62,6 +63,7 @@ class PosesStep(Step):
         self._regions = RegionRequests(session, lambda: self.points)
         self._poses = PoseRequests(session, lambda: self.points)
         self._loader = LatestWorker[str](self._load, session.show_error)
+        self._lock = threading.Lock()  # an earlier state is never published after a later one
         self._published: messages.PosesState | None = None
         self._published_states: messages.SimulatedStates | None = None
 
@@ -166,17 +168,19 @@ class PosesStep(Step):
         self.session.server.publish_arrays(Arrays(name="pose-body", arrays=arrays))
 
     def _publish(self) -> None:
-        session, points = self.session, self.newest_points
-        size = float(np.ptp(points, axis=0).max()) if len(points) else session.size
-        state = messages.PosesState(
-            mesh=self._mesh_state(),
-            size=size,
-            regions=region_states(session.device, points),
-            poses=pose_states(session.device, points, self._warnings),
-        )
-        if state != self._published:
-            self._published = state
-            session.server.publish(state)
+        session = self.session
+        with self._lock:
+            points = self.newest_points
+            size = float(np.ptp(points, axis=0).max()) if len(points) else session.size
+            state = messages.PosesState(
+                mesh=self._mesh_state(),
+                size=size,
+                regions=region_states(session.device, points),
+                poses=pose_states(session.device, points, self._warnings),
+            )
+            if state != self._published:
+                self._published = state
+                session.server.publish(state)
 
     def _mesh_state(self) -> Literal["missing", "old", "current"]:
         if self.surface is None:
@@ -185,11 +189,12 @@ class PosesStep(Step):
 
     def _publish_states(self) -> None:
         session = self.session
-        is_current = session.freshness.get("simulate") == "current"
-        states = simulated_states(session.results, session.device, is_current=is_current)
-        if states != self._published_states:
-            self._published_states = states
-            session.server.publish(states)
+        with self._lock:
+            is_current = session.freshness.get("simulate") == "current"
+            states = simulated_states(session.results, session.device, is_current=is_current)
+            if states != self._published_states:
+                self._published_states = states
+                session.server.publish(states)
 
     def _follow_solved(self, digest: str, moved: Float) -> None:
         self.pictures.take(digest, moved)
