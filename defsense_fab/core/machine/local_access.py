@@ -9,6 +9,7 @@ from urllib.parse import parse_qs, urlsplit
 #: Names of this machine for itself.
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
 _ANY_HOST = ("0.0.0.0", "::")  # noqa: S104  # compared, not bound
+_HTTP_PORT = 80
 _DOCUMENTATION_ADDRESS = ("192.0.2.1", 9)  # reserved for documentation: nothing answers
 
 
@@ -45,18 +46,20 @@ class Access:
         bracketed = f"[{name}]" if ":" in name else name
         return f"http://{bracketed}:{port}/" + (f"?token={self.token}" if self.token else "")
 
-    def refusal(self, host: str, origins: list[str]) -> str | None:
+    def refusal(self, host: str, origins: list[str], *, any_port: bool = True) -> str | None:
         """Return why a request is refused, or None.
 
         Args:
             host: The request's `Host` header.
             origins: Its `Origin` headers.
+            any_port: Whether pages that other programs of this machine serve are accepted.
         """
         if self.local and _host_name(f"//{host}") not in LOCAL_HOSTS:
             return f"this server listens on this machine only, and not by the name {host[:80]!r}"
         for origin in origins:
             is_same = not self.local and origin.split("://", 1)[-1].lower() == host.lower()
-            if _host_name(origin) not in LOCAL_HOSTS and not is_same:
+            is_own = any_port or _port(origin) == _port(f"//{host}")
+            if not (_host_name(origin) in LOCAL_HOSTS and is_own) and not is_same:
                 return f"pages of {origin[:80]!r} may not read this"
         return None
 
@@ -82,6 +85,13 @@ def _host_name(url: str) -> str:
         return urlsplit(url).hostname or ""
     except ValueError:
         return ""
+
+
+def _port(url: str) -> int:
+    try:
+        return urlsplit(url).port or _HTTP_PORT
+    except ValueError:
+        return -1
 
 
 def _own_address() -> str:

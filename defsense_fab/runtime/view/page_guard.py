@@ -13,10 +13,7 @@ from ...core.machine.local_access import LOCAL_HOSTS, Access
 
 
 def check_free(host: str, port: int) -> None:
-    """Raise OutputError for a busy port.
-
-    Viser would silently take the next free port, and the user would open another program's page.
-    """
+    """Raise OutputError for a busy port, on which the user would open another program's page."""
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
     except OSError:

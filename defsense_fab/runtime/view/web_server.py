@@ -292,9 +292,10 @@ class WebServer:
     def _answer(self, connection: Any, request: Any) -> Any:
         """Refuse a request, answer it with a file, or let it open the socket (None)."""
         headers = request.headers
-        reason = self._access.refusal(
-            ", ".join(headers.get_all("Host")), headers.get_all("Origin")
-        ) or token_refusal(self._access, self.port, request.path, headers.get_all("Cookie"))
+        host, origins = ", ".join(headers.get_all("Host")), headers.get_all("Origin")
+        reason = self._access.refusal(host, origins, any_port=False) or token_refusal(
+            self._access, self.port, request.path, headers.get_all("Cookie")
+        )
         if reason is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, reason + "\n")
         try:

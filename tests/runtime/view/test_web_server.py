@@ -202,6 +202,8 @@ def test_download_is_saved_and_not_shown(page):
 def test_pages_of_other_origins_are_refused(page):
     assert get(page, Origin="http://elsewhere.example")[0] == 403
     assert get(page, Host="elsewhere.example")[0] == 403
+    assert get(page, Origin=f"http://localhost:{page.port}")[0] == 200
+    assert get(page, Origin=f"http://localhost:{page.port + 1}")[0] == 403
     with (
         pytest.raises(InvalidStatus, match="403"),
         browser(page, Origin="http://elsewhere.example"),
