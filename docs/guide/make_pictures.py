@@ -59,13 +59,20 @@ def save(page, name):
     image.quantize(COLORS, dither=Image.Dither.NONE).save(HERE / f"{name}.png", optimize=True)
 
 
+def open_joints(page):
+    """Draw the parts of a 3D view apart."""
+    page.locator("[data-open]").first.evaluate(
+        "it => { it.value = it.max; it.dispatchEvent(new Event('input')); }"
+    )
+    page.wait_for_timeout(SETTLED)
+
+
 def report(page, folder):
     """Take the top of the report, down to the view of body and cords."""
     page.set_viewport_size(SIZE | {"height": 1000})
     page.goto((folder / DEVICE / "build/report.html").absolute().as_uri())
     page.locator("[data-ready]").first.wait_for(timeout=WAIT)
-    page.get_by_label("see through").check()
-    page.wait_for_timeout(SETTLED)
+    open_joints(page)
     save(page, "report")
 
 
@@ -73,10 +80,7 @@ def assembly(page, folder):
     """Take the exploded view of the assembly guide."""
     page.goto((folder / DEVICE / "build/guide.html").absolute().as_uri())
     page.locator("[data-ready]").first.wait_for(timeout=WAIT)
-    page.locator("[data-open]").first.evaluate(
-        "it => { it.value = it.max; it.dispatchEvent(new Event('input')); }"
-    )
-    page.wait_for_timeout(SETTLED)
+    open_joints(page)
     save(page, "assembly")
 
 
@@ -85,7 +89,8 @@ def studio(page, folder):
     with page_of(folder, "studio", DEVICE, "--port", str(PORT), "--no-browser", "--trust") as url:
         page.goto(url, timeout=WAIT)
         page.get_by_role("button", name="Not now").click(timeout=WAIT)
-        page.get_by_role("button", name="Inside", exact=True).click(timeout=WAIT)
+        steps = page.get_by_role("navigation", name="Steps")
+        steps.get_by_role("button", name="Inside").click(timeout=WAIT)
         page.wait_for_timeout(SETTLED)
         save(page, "studio")
 
