@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..runtime.view import live_messages as live_messages
+from ..runtime.view.client import Client as Client
 from ..runtime.view.guided_screen import GuidedScreen as GuidedScreen
 from ..runtime.view.live_page import GuidedPage as GuidedPage
 from ..runtime.view.live_page import LiveView as LiveView
@@ -20,6 +21,5 @@ from ..runtime.view.surface_arrays import feature_edges as feature_edges
 from ..runtime.view.surface_arrays import surface_arrays as surface_arrays
 from ..runtime.view.web_server import HOST as HOST
 from ..runtime.view.web_server import MAX_UPLOAD_BYTES as MAX_UPLOAD_BYTES
-from ..runtime.view.web_server import Client as Client
 from ..runtime.view.web_server import Download as Download
 from ..runtime.view.web_server import WebServer as WebServer

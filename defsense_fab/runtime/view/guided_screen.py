@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...core.arrays import Float
 from ...core.guided_parts import Bars, Curve, Part, Picture, Plot, draw_picture
 from ...core.guided_run import GuidedView
+from .client import Client
 from .live_messages import (
     GuidedBars,
     GuidedCurve,
@@ -24,7 +25,6 @@ from .live_messages import (
 )
 from .live_place import Handler
 from .messages import Arrays, Event, Request
-from .web_server import Client
 
 PICTURE_WIDTH = 480  # pixels
 #: Color-blind people can distinguish highlighted outlines from others.

@@ -8,6 +8,7 @@ from typing import Any
 
 from ...core.errors import LiveError
 from ..frames.live_frame import LiveFrame
+from .client import Client
 from .live_arrays import NO_DEVICE, FrameArrays, frame_facts, live_device
 from .live_messages import (
     FRAME_ARRAYS,
@@ -23,7 +24,7 @@ from .live_messages import (
 from .messages import Event, Request, encode_arrays
 from .panel_actions import PanelActions
 from .viewed_device import ViewedDevice
-from .web_server import Client, WebServer
+from .web_server import WebServer
 
 _NOTES_INTERVAL_S = 0.25  # between two checks of the notes, which also change without frames
 #: Handles a request of a browser.

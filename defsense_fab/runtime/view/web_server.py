@@ -13,8 +13,7 @@ import logging
 import mimetypes
 import threading
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import resources
 from typing import Any, Protocol
 from urllib.parse import quote, unquote, urlsplit
@@ -23,6 +22,7 @@ import msgspec
 
 from ...core.errors import DefsenseError
 from ...core.machine.local_access import Access
+from .client import Client, PartialUpload
 from .messages import Arrays, Event, Problem, Reply, Request, Upload, encode_arrays
 from .page_guard import check_free, set_cookie, token_refusal
 
@@ -35,8 +35,6 @@ _MAX_MESSAGE_BYTES = 1024 * 1024
 _UPLOAD_HEADER_BYTES = 4  # number of the request that announced the file
 _MAX_UPLOADS = 4  # in progress at the same time
 _MAX_WAITING_REQUESTS = 200  # of one browser; a page waits for answers long before
-#: Of messages to one browser that it has not read; a page that reads has far fewer.
-_MAX_UNREAD_MESSAGES, _MAX_UNREAD_BYTES = 2000, 128 * 1024 * 1024
 _START_TIMEOUT_S, _STOP_TIMEOUT_S = 10.0, 5.0
 _HEADERS = {
     "Cache-Control": "no-cache",
@@ -88,98 +86,6 @@ class Application(Protocol):
 
     def download(self, path: str) -> Download | None:
         """Return the file at a path below `/files/`, or None."""
-
-
-@dataclass
-class _Upload:
-    name: str
-    size: int
-    content: bytearray = field(default_factory=bytearray)
-
-
-class Client:
-    """A browser that shows the page.
-
-    Messages that it has not received yet are replaced by newer ones of their kind, so that a slow
-    browser gets fewer of them and none that is outdated. A browser that asks and does not read is
-    disconnected.
-
-    Attributes:
-        is_open: Whether the connection is open.
-    """
-
-    def __init__(self, loop: asyncio.AbstractEventLoop, connection: Any) -> None:
-        self._loop, self._connection = loop, connection
-        self._waiting: dict[object, str | bytes] = {}
-        self._waiting_bytes = 0
-        self._has_waiting = asyncio.Event()
-        self._lock = threading.Lock()
-        self._lanes: dict[str, ThreadPoolExecutor] = {}
-        self.is_open = True
-        self.pending_requests = 0
-        self.upload: tuple[int, _Upload] | None = None
-
-    def send(self, event: Event) -> None:
-        """Send an event; call it from any thread."""
-        kind = event.__struct_config__.tag
-        self.post(kind if event.is_kept else object(), msgspec.json.encode(event).decode())
-
-    def send_arrays(self, arrays: Arrays, reply_to: int | None = None) -> None:
-        """Send arrays; call it from any thread."""
-        key = ("arrays", arrays.name) if reply_to is None else object()
-        self.post(key, encode_arrays(arrays, reply_to))
-
-    def post(self, key: object, content: str | bytes) -> None:
-        """Send a message, which replaces a waiting one with the same key."""
-        with self._lock:
-            if not self.is_open:
-                return
-            self._waiting_bytes += len(content) - len(self._waiting.pop(key, b""))
-            self._waiting[key] = content
-            is_stuck = (
-                len(self._waiting) > _MAX_UNREAD_MESSAGES or self._waiting_bytes > _MAX_UNREAD_BYTES
-            )
-            if is_stuck:
-                self.is_open = False
-                self._forget_waiting()
-        try:
-            self._loop.call_soon_threadsafe(
-                self._connection.transport.abort if is_stuck else self._has_waiting.set
-            )
-        except RuntimeError:  # the server has stopped
-            return
-
-    def run(self, lane: str, action: Any) -> None:
-        """Call a function on the thread of a lane."""
-        if lane not in self._lanes:
-            self._lanes[lane] = ThreadPoolExecutor(1, thread_name_prefix=f"page-{lane}")
-        self._lanes[lane].submit(action)
-
-    async def pump(self) -> None:
-        """Send the waiting messages until the connection ends."""
-        while True:
-            await self._has_waiting.wait()
-            self._has_waiting.clear()
-            while True:
-                with self._lock:
-                    if not self._waiting:
-                        break
-                    key = next(iter(self._waiting))
-                    content = self._waiting.pop(key)
-                    self._waiting_bytes -= len(content)
-                await self._connection.send(content)
-
-    def close(self) -> None:
-        """Drop the waiting messages and end the threads."""
-        with self._lock:
-            self.is_open = False
-            self._forget_waiting()
-        for executor in self._lanes.values():
-            executor.shutdown(wait=False, cancel_futures=True)
-
-    def _forget_waiting(self) -> None:
-        self._waiting.clear()
-        self._waiting_bytes = 0
 
 
 class WebServer:
@@ -402,7 +308,7 @@ class WebServer:
             text = f"The file has {request.size / 2**20:,.0f} MB; {limit // 2**20} MB are allowed"
             _refuse(client, request.id, "upload-too-large", text)
         else:
-            client.upload = request.id, _Upload(request.name, request.size)
+            client.upload = request.id, PartialUpload(request.name, request.size)
 
     def _receive_part(self, client: Client, message: bytes) -> None:
         """Receive a part of an announced file; parts of a refused one are dropped."""
@@ -421,7 +327,7 @@ class WebServer:
         client.pending_requests += 1
         client.run("edit", lambda: self._pass_on(client, number, upload))
 
-    def _pass_on(self, client: Client, number: int, upload: _Upload) -> None:
+    def _pass_on(self, client: Client, number: int, upload: PartialUpload) -> None:
         assert self._application is not None
         try:
             self._application.receive(client, upload.name, bytes(upload.content))
