@@ -1,5 +1,5 @@
 // The panel at the right: the selected cord, two compared cords, or how to get the first one.
-import { device, prediction } from "../../state/connection";
+import { device } from "../../state/connection";
 import { selectedNames } from "../../state/selection";
 import { deleteCords } from "../../shell/cord-commands";
 import { Button } from "../../ui/button";
@@ -7,7 +7,8 @@ import { EmptyState } from "../../ui/feedback";
 import { runCommand } from "../../commands";
 import { CordComparison } from "./comparison";
 import { CordInspector } from "./cord-inspector";
-import { proposalShare, selectedCord } from "./state";
+import { ProposeButton } from "./propose-button";
+import { selectedCord } from "./state";
 
 export function SensorsInspector() {
   const names = selectedNames("cord");
@@ -21,8 +22,6 @@ export function SensorsInspector() {
 function NoCord() {
   const noun = device.value?.noun ?? "cord";
   const hasCords = (device.value?.cords.length ?? 0) > 0;
-  const share = proposalShare.value;
-  const isReady = prediction.value?.isReady ?? false;
   const text = hasCords
     ? `Select a ${noun} to see and change it, or add another one.`
     : `The device has no ${noun}s yet. Draw one, or let the program propose it.`;
@@ -35,16 +34,7 @@ function NoCord() {
           <Button icon="draw" shortcut="D" onClick={() => runCommand("sensor.draw")}>
             Draw
           </Button>
-          <Button
-            icon="idea"
-            shortcut="P"
-            hint={isReady ? "Add the cord that lowers the error most" : prediction.value?.text}
-            disabled={!isReady}
-            isBusy={share !== null}
-            onClick={() => runCommand("sensor.propose")}
-          >
-            Propose
-          </Button>
+          <ProposeButton variant="plain" />
           <Button
             variant="quiet"
             shortcut="N"

@@ -5,7 +5,7 @@ import { runCommand } from "../../commands";
 import { DrawingBoard } from "../../scene/drawing-board";
 import { cordMenuEntries, viewer } from "../../scene/stage";
 import { cordMenu } from "../../shell/cord-commands";
-import { connection, prediction } from "../../state/connection";
+import { connection } from "../../state/connection";
 import { run } from "../../state/run";
 import { select } from "../../state/selection";
 import { Button, IconButton } from "../../ui/button";
@@ -14,6 +14,7 @@ import { ProgressBar } from "../../ui/feedback";
 import { CordEditor } from "./cord-editor";
 import { HeatMapTools, heatMap } from "./heat-map";
 import { showLimits } from "./limit-labels";
+import { ProposeButton } from "./propose-button";
 import { axisAcross, atOffset, offsetOf, type PlaneAxis } from "./planes";
 import {
   choosePlane,
@@ -37,29 +38,18 @@ export function SensorsToolbar() {
         ]}
         onChange={(tool) => (tool === "draw" ? startDrawing() : stopDrawing())}
       />
-      {!isDrawing.value && <ProposeButton />}
+      {!isDrawing.value && <Proposal />}
       {isDrawing.value && <PlaneTools />}
     </>
   );
 }
 
-/** Adds the best cord, whatever is selected; the bar shows how far its search is. */
-function ProposeButton() {
+/** Proposes a cord, whatever is selected; the bar shows how far its search is. */
+function Proposal() {
   const share = proposalShare.value;
-  const isReady = prediction.value?.isReady ?? false;
   return (
     <span class="propose">
-      <Button
-        variant="quiet"
-        icon="idea"
-        shortcut="P"
-        hint={isReady ? "Add the cord that lowers the error most" : prediction.value?.text}
-        disabled={!isReady}
-        isBusy={share !== null}
-        onClick={() => runCommand("sensor.propose")}
-      >
-        Propose
-      </Button>
+      <ProposeButton variant="quiet" />
       {share !== null && <ProgressBar label="Search for another cord" share={share} />}
     </span>
   );
