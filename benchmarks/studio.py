@@ -6,7 +6,7 @@
     python -m benchmarks.studio my-device --hour --minutes 60
 
 The poses of the devices must be simulated. The devices are copied, and the copies are changed. The
-studio runs as a program of its own. Times are medians and 95th percentiles:
+studio runs in another process. Times are medians and 95th percentiles:
 
 - `socket`: from the start to the answered page and to the device's state; from a dragged control
   point to the judged error, from a plane to its section, from the angle of a pose to its shape.

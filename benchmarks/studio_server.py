@@ -1,4 +1,4 @@
-"""The studio as a program of its own, its processes, and a client of its socket."""
+"""The studio in another process, its memory and processor time, and a client of its socket."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ class Progress:
         proposed: Number of cords that the optimizer adds.
         can_move: Whether the optimizer may move or add cords.
         has_violations: Whether the drawn cords break a limit.
-        misfit: Which regions and poses lie outside the body, in one sentence; empty for none.
+        misfit: Which regions and poses are outside the body, in one sentence; empty for none.
         is_optimized: Whether the drawn cords are those that the last search found.
         noun: What one sensor is called.
         has_model: Whether a model was trained.

@@ -136,7 +136,7 @@ def describe_misfits(misfits: Sequence[Misfit], noun: str) -> str:
     listed = " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))
     is_one = len(misfits) == 1
     if all(misfit.is_outside for misfit in misfits):
-        return f"{listed} {'lies' if is_one else 'lie'} outside the new body"
+        return f"{listed} {'is' if is_one else 'are'} outside the new body"
     return f"{listed} {'does' if is_one else 'do'} not fit the new body"
 
 

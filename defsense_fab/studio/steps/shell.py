@@ -23,7 +23,7 @@ class ShellStep(Step):
     Attributes:
         has_violations: Whether the drawn cords break a limit; set by the step Sensors.
         is_optimized: Whether the drawn cords are the optimized ones; set by the step Optimize.
-        misfit: What of regions and poses lies outside the body; set by BodyFitStep.
+        misfit: What of regions and poses is outside the body; set by BodyFitStep.
     """
 
     has_violations = False

@@ -1,4 +1,4 @@
-"""Find what of a device lies outside its body, and move it with the body's bounding box."""
+"""Find what of a device is outside its body, and move it with the body's bounding box."""
 
 from __future__ import annotations
 

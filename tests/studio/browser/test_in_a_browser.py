@@ -210,7 +210,7 @@ def test_what_lies_outside_a_changed_body_is_marked_and_fitted(open_page, studio
     length = page.get_by_role("textbox", name="length, number")
     length.fill("100")
     length.press("Enter")
-    message = page.get_by_role("alert").filter(has_text="lie outside the new body")
+    message = page.get_by_role("alert").filter(has_text="outside the new body")
     expect(message).to_contain_text("2 cords and 1 region")
     expect(cord(page, "left")).to_have_accessible_name(re.compile("^left: "))
     expect(page.get_by_role("treeitem", name=re.compile("^tip: "))).to_be_visible()

@@ -56,7 +56,7 @@ def test_a_shorter_body_is_what_cords_regions_and_poses_are_judged_by(app):
     assert names(app, "pose") == {pose.name for pose in device.poses}
     cords = len(device.sensors)
     assert fit(app).text.startswith(f"{cords} cord")
-    assert fit(app).text.endswith("and 1 region lie outside the new body")
+    assert fit(app).text.endswith("and 1 region are outside the new body")
     assert fit(app).can_fit
     prediction = app.server.events[Prediction]
     assert not prediction.is_ready
@@ -163,11 +163,11 @@ def misfit(kind, *, is_outside=True):
     ("misfits", "text"),
     [
         ([], ""),
-        ([misfit("cord")], "1 trace lies outside the new body"),
+        ([misfit("cord")], "1 trace is outside the new body"),
         ([misfit("cord", is_outside=False)], "1 trace does not fit the new body"),
         (
             [misfit("cord"), misfit("cord"), misfit("region"), misfit("pose")],
-            "2 traces, 1 region and 1 pull lie outside the new body",
+            "2 traces, 1 region and 1 pull are outside the new body",
         ),
     ],
 )

@@ -1,4 +1,4 @@
-// What lies outside the newest body: a message with the way out, and labels at the places.
+// What is outside the newest body: a message with the way out, and labels at the places.
 import { effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { useCommands } from "../commands";

@@ -24,7 +24,7 @@ export const isJobActive = computed(
   () => (job.value?.state ?? "idle") !== "idle" && !job.value?.givesWay,
 );
 
-/** What lies outside the newest body, by kind and name, such as "region:tip". */
+/** What is outside the newest body, by kind and name, such as "region:tip". */
 export const misfitTexts = computed(
   () => new Map((bodyFit.value?.misfits ?? []).map(({ kind, name, text }) => [`${kind}:${name}`, text])),
 );
