@@ -1,5 +1,5 @@
 // Tooltips: elements carry the text, and one layer above the page shows it.
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { shortcutKeys } from "../commands";
 import { placeNextTo } from "./place";
 
@@ -20,7 +20,8 @@ export function TooltipLayer() {
 
   const { tooltip: text = "", shortcut } = anchor?.dataset ?? {};
   const isEmpty = !text && !shortcut; // also if the shown element loses its text
-  useEffect(() => {
+  // In the same step as the text, so that no frame shows the layer without its text.
+  useLayoutEffect(() => {
     const element = layer.current;
     if (!element || !anchor || isEmpty) return undefined;
     element.showPopover();
