@@ -263,6 +263,7 @@ class ReplayedCords:
         self.channels = channels
         self.rest = ohm[: max(len(ohm) // REST_SHARE, 1)].mean(axis=0)
         self._recorded_time, self._recorded_ohm, self._faults = time, ohm, faults
+        self._stuck = dict[CordFault, Float]()  # resistances at the start of a fault
 
     def sample(self, start: float, step: float) -> Float:
         """Return the resistances (c,) ohm, with the faults, `step` s after `start`, s."""
@@ -275,13 +276,17 @@ class ReplayedCords:
             if fault.kind == SWAP:
                 ohm[channels] = ohm[channels[::-1]]
             elif fault.kind == STUCK:
-                ohm[channels] = self._replay(fault.begin)[channels]
+                ohm[channels] = self._stuck.setdefault(fault, ohm[channels])
             else:
                 ohm[channels] = OPEN_OHM if fault.kind == CUT else SHORTED_OHM
         return ohm
 
-    def _replay(self, time: float) -> Float:
+    def _position(self, time: float) -> float:
+        """Return the time in the recording, s."""
         end = float(self._recorded_time[-1])
         phase = time % (2 * end)
-        position = 2 * end - phase if phase > end else phase
+        return 2 * end - phase if phase > end else phase
+
+    def _replay(self, time: float) -> Float:
+        position = self._position(time)
         return np.array([np.interp(position, self._recorded_time, c) for c in self._recorded_ohm.T])

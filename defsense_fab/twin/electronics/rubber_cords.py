@@ -268,6 +268,24 @@ class RubberPieces:
         constants = traits.memory.draw(len(nominal), rng)
         return cls(traits, ohm, traits.drift_trend * trend, constants)
 
+    def respond(
+        self, time: Float, signals: Float, memory: tuple[Float, ...]
+    ) -> tuple[Float, tuple[Float, ...]]:
+        """Return the relative changes of the resistances (n, c), and the memory at the last time.
+
+        Args:
+            time: Times (n,) s.
+            signals: Ideal signals (n, c), (R - R0)/R0.
+            memory: The memory at the first time.
+        """
+        response, memory = self.traits.memory.respond(
+            np.ascontiguousarray(time, float),
+            np.ascontiguousarray(signals, float),
+            memory,
+            self.constants,
+        )
+        return (1 - self.traits.stiffening * self.age) * response, memory
+
     def simulate(
         self, time: Float, signals: Float, state: RubberState, rng: np.random.Generator
     ) -> tuple[Float, RubberState]:
@@ -283,22 +301,17 @@ class RubberPieces:
             Resistances (n, c) ohm, and the state at the last time.
         """
         t = self.traits
-        response, memory = t.memory.respond(
-            np.ascontiguousarray(time, float),
-            np.ascontiguousarray(signals, float),
-            state.memory,
-            self.constants,
-        )
+        response, memory = self.respond(time, signals, state.memory)
         n, c = signals.shape
         step = np.diff(time, prepend=time[0])[:, None]
         walk = t.drift_walk * np.sqrt(step / 3600) * rng.normal(size=(n, c))
         drift = state.drift + np.cumsum(walk + self.trend * step / 3600, axis=0)
         thermal = t.per_kelvin * self._draw_warming(time, rng)[:, None]
-        aged, gain = t.ageing * self.age, 1 - t.stiffening * self.age
+        aged = t.ageing * self.age
         noise = t.noise * rng.normal(size=(n, c))
         jitter = filter_noise(step[:, 0], t.jitter_time, rng.normal(size=(n, c)))
         noise += t.memory.fluctuate(time, response, rng)
-        ohm = self.ohm * (1 + drift) * (1 + thermal) * (1 + aged) * (1 + gain * response + noise)
+        ohm = self.ohm * (1 + drift) * (1 + thermal) * (1 + aged) * (1 + response + noise)
         return ohm + np.sqrt(2) * t.contact * jitter, RubberState(memory, drift[-1])
 
     def _draw_warming(self, time: Float, rng: np.random.Generator) -> Float:

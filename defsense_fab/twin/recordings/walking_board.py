@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ...core.device.device import Device
 from ...core.progress import Progress, silent
@@ -76,6 +76,7 @@ def simulate_walking_board(
         truth,
         tuple(pose.name for pose in device.poses),
         lambda levels: runs.built.signals(runs.fields.space(levels)),
+        replace(runs.built.pieces, age=runs.traits.age),
         tuple(faults),
     )
     return WalkingBoard(device, bent, runs)

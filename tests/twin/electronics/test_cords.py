@@ -35,6 +35,7 @@ def test_recording_is_replayed_forwards_and_backwards_with_faults():
     assert cords.sample(2.9, 0.1) == pytest.approx([1030, 530])
     assert cords.sample(16.9, 0.1) == pytest.approx([1030, 530])  # backwards
     assert cords.sample(1.4, 0.1) == pytest.approx([1e9, 515])
+    assert cords.sample(3.9, 0.1) == pytest.approx([1040, 540])
     assert cords.sample(4.9, 0.1) == pytest.approx([1050, 540])
     assert cords.sample(7.4, 0.1) == pytest.approx([575, 1075])
     assert cords.sample(40.9, 0.1) == pytest.approx([1e-3, 510])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.twin.electronics.cords import CUT, OPEN_OHM, CordFault
+from defsense_fab.twin.electronics.rubber_cords import MemoryTraits, RubberPieces, RubberTraits
 from defsense_fab.twin.recordings.bent_cords import MAX_TOTAL_LEVEL, BentCords
 from defsense_fab.twin.recordings.twin_recordings import Truth
 
@@ -11,21 +12,27 @@ TIME = np.linspace(0, 20, 2001)
 GAINS = np.array([[0.1, -0.05], [0.0, 0.2], [0.3, 0.3]])  # of the poses (3) in the cords (2)
 REST = np.array([1000.0, 2000.0])
 REST_SAMPLES = 100  # 1 s
+NO_MEMORY = MemoryTraits(tear=(0.0, 0.0, 0.0), friction=0.0, mullins=0.0)
 
 
 def signals_at(levels):
     return levels @ GAINS
 
 
-@pytest.fixture
-def cords():
+def make_cords(memory):
     weights = np.zeros((len(TIME), 3))
     weights[REST_SAMPLES:, 0] = np.linspace(0, 1, len(TIME) - REST_SAMPLES + 1)[1:]
     weights[1500:, 1] = np.linspace(0, 1, 501)
     signals = signals_at(weights)
     truth = Truth(TIME, np.zeros((0, 0, 3)), TIME, weights, signals, REST * (1 + signals))
     faults = (CordFault(CUT, (1,), 15.0),)
-    return BentCords(("a", "b"), truth, ("bend", "twist"), signals_at, faults)
+    pieces = RubberPieces(RubberTraits(memory), REST, np.zeros(2), np.empty((2, 0)))
+    return BentCords(("a", "b"), truth, ("bend", "twist"), signals_at, pieces, faults)
+
+
+@pytest.fixture
+def cords():
+    return make_cords(NO_MEMORY)
 
 
 def hold(cords, start, seconds=2.0, step=0.01):
@@ -51,9 +58,9 @@ def test_nobody_bends_the_cords_in_the_first_rest(cords):
 
 
 def test_the_body_follows_smoothly(cords):
-    cords.sample(1.0, 0.01)
+    cords.sample(0.99, 0.01)
     cords.bend({"bend": 1.0})
-    first = cords.sample(1.01, 0.01)
+    first = cords.sample(1.0, 0.01)
     assert REST[0] < first[0] < REST[0] * (1 + 0.2 * GAINS[0, 0])
 
 
@@ -66,3 +73,22 @@ def test_levels_are_limited_and_unknown_poses_are_ignored(cords):
 def test_faults_remain_while_somebody_bends(cords):
     cords.bend({"bend": 1.0})
     assert hold(cords, 15.0)[1] == OPEN_OHM
+
+
+def test_cords_go_on_from_where_the_session_left_them(cords):
+    before = cords.sample(10.0, 0.01)
+    cords.bend({})
+    assert cords.sample(10.01, 0.01) == pytest.approx(before, rel=1e-3)
+    assert hold(cords, 10.02) == pytest.approx(REST, rel=1e-3)
+
+
+def test_cords_remember_how_they_were_bent():
+    cords = make_cords(MemoryTraits())
+    hold(cords, 0.0, 0.9)
+    cords.bend({"bend": 1.0})
+    bent = hold(cords, 1.0)
+    held = hold(cords, 3.0, 30.0)
+    assert bent[0] > REST[0] * (1 + 1.05 * GAINS[0, 0]), "stretching adds resistance"
+    assert held[0] < bent[0] - 0.005 * REST[0], "that heals"
+    cords.bend({})
+    assert hold(cords, 33.0)[0] > 1.003 * REST[0], "the cord reads too high after its release"
