@@ -13,11 +13,13 @@ class PoseError(Record, frozen=True, kw_only=True):
     Attributes:
         pose: Name of the pose.
         error: Error, mm.
+        movement: Root mean square of the markers' movement, mm.
         signals: Relative change of resistance of each cord, (c,).
     """
 
     pose: str
     error: float
+    movement: float
     signals: list[float]
 
 

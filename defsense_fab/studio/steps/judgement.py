@@ -43,7 +43,12 @@ def describe_layout(
         poses=[]
         if judged is None
         else [
-            messages.PoseError(pose=pose, error=mm, signals=rounded(judged.pose_signals[pose]))
+            messages.PoseError(
+                pose=pose,
+                error=mm,
+                movement=judged.pose_movements[pose],
+                signals=rounded(judged.pose_signals[pose]),
+            )
             for pose, mm in judged.pose_errors.items()
         ],
         cords=[

@@ -45,6 +45,7 @@ class JudgedLayout:
         error: RMSE (mm) on unseen states with the best of the device's decoders.
         decoder: Name of that decoder.
         pose_errors: Error (mm) in each pose at its largest simulated level, by the pose's name.
+        pose_movements: Root mean square of the markers' movement (mm) in the same states.
         pose_signals: (c,) signals of the cords in the same states, by the pose's name.
         signals: (n, c) signals of the cords in all states, rest first.
         trained: RMSE (mm) expected after training, with the memory of the cords; None for a quick
@@ -54,6 +55,7 @@ class JudgedLayout:
     error: float
     decoder: str
     pose_errors: Mapping[str, float]
+    pose_movements: Mapping[str, float]
     pose_signals: Mapping[str, Float]
     signals: Float
     trained: float | None = None
@@ -101,6 +103,9 @@ class LayoutJudge:
     def __init__(self, device: Device, build: Build) -> None:
         self._task: DesignTask = load_task(device, build)
         self._largest_states = _largest_states(self._task.weights)
+        markers = self._task.everything.markers
+        distances = np.linalg.norm(markers - markers[:1], axis=2)
+        self._movements: list[float] = np.sqrt((distances**2).mean(axis=1)).tolist()
         self._cord = device.cord.name
         self._shares = session_shares(device, self._task.weights)
         kinds = candidate_decoders(device, self._task)
@@ -151,6 +156,7 @@ class LayoutJudge:
             p.unseen,
             p.decoder,
             {pose: errors[names[k]] for pose, k in largest.items()},
+            {pose: self._movements[k] for pose, k in largest.items()},
             {pose: best.signals[k] for pose, k in largest.items()},
             best.signals,
             None if quick else trained_error(task, cords, residuals, self._shares),

@@ -2715,11 +2715,13 @@ export interface Judgement {
  *     Attributes:
  *         pose: Name of the pose.
  *         error: Error, mm.
+ *         movement: Root mean square of the markers' movement, mm.
  *         signals: Relative change of resistance of each cord, (c,).
  */
 export interface PoseError {
   pose: string;
   error: number;
+  movement: number;
   signals: number[];
 }
 /**

@@ -1,6 +1,6 @@
 // The panel below the scene: expected error, drawn and in the parts, by pose, with signals and limits.
 import { useRef } from "preact/hooks";
-import type { Judgement } from "../../protocol/messages";
+import type { Judgement, PoseError } from "../../protocol/messages";
 import { NextButton } from "../../shell/next-button";
 import { ErrorHelp } from "../../shell/error-help";
 import { connection, device, prediction } from "../../state/connection";
@@ -13,8 +13,8 @@ import { draggedJudgement, judgement } from "./state";
 
 const makeState = connection.event("make-state");
 
-/** How many times the headline's error a pose has that is marked. */
-const MUCH_WORSE = 2;
+/** Share of its movement from which on a pose's error is marked. */
+const HARDLY_SENSED = 0.2;
 /** Lines of the scale of errors. */
 const SCALE_PARTS = 2;
 
@@ -81,17 +81,22 @@ function Headline() {
   );
 }
 
-/** The pose that is sensed worst, if it is much worse than the headline says. */
+/** The pose whose error is the largest share of its movement. */
 function WorstPose() {
-  const { error = null, poses = [] } = judgement.value ?? {};
-  if (error === null || poses.length === 0) return null;
-  const worst = poses.reduce((a, b) => (b.error > a.error ? b : a));
-  const isMuchWorse = worst.error > MUCH_WORSE * error;
+  const { poses = [] } = judgement.value ?? {};
+  if (poses.length === 0) return null;
+  const worst = poses.reduce((a, b) => (share(b) > share(a) ? b : a));
+  const isHardlySensed = share(worst) > HARDLY_SENSED;
   return (
-    <p class={isMuchWorse ? "problem-text" : "muted"}>
-      Worst pose: {worst.pose}, {worst.error.toFixed(2)} mm
+    <p class={isHardlySensed ? "problem-text" : "muted"}>
+      {isHardlySensed ? "Hardly sensed" : "Sensed worst"}: {worst.pose}, {worst.error.toFixed(2)} mm of{" "}
+      {worst.movement.toFixed(1)} mm movement ({Math.round(100 * share(worst))} %)
     </p>
   );
+}
+
+function share({ error, movement }: PoseError): number {
+  return error / Math.max(movement, 1e-6);
 }
 
 function Limits({ judgement: { cords, violations } }: { judgement: Judgement }) {
