@@ -108,8 +108,12 @@ class CordCheck:
             if key != self._wanted:
                 return
             self._running = key
-        if not self._job.start(run_check, device, sensors):
-            self._worker.give(item)
+        try:
+            if not self._job.start(run_check, device, sensors):
+                self._worker.give(item)
+        except DefsenseError:
+            self._give_up()
+            raise
 
     def _keep(self, trial: CordTrial) -> None:
         self._remember(self._running, trial)
@@ -119,10 +123,13 @@ class CordCheck:
         if trial is not None:
             self._keep(trial)
         elif error is not None and error.code != CANCELLED:
-            with self._lock:
-                if self._wanted == self._running:
-                    self._wanted = ""  # another build replaces the poses; it is checked after that
-            self._call()
+            self._give_up()  # a build replaces the poses; the cords are checked after that
+
+    def _give_up(self) -> None:
+        with self._lock:
+            if self._wanted == self._running:
+                self._wanted = ""
+        self._call()
 
     def _remember(self, key: str, trial: CordTrial) -> None:
         with self._lock:
