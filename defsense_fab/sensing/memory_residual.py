@@ -118,15 +118,3 @@ def memory_residuals(cord: str, decoder: str, count: int) -> tuple[MemoryResidua
         )
         for row in chosen
     )
-
-
-def expected_residuals(cord: str, decoder: str, count: int) -> tuple[MemoryResidual, ...]:
-    """Return the residuals of the kind of memory that a cord has, or of all kinds.
-
-    Args:
-        cord: Name of the cord.
-        decoder: TRAINED or AFFINE.
-        count: Number of cords of the device.
-    """
-    residuals, family = memory_residuals(cord, decoder, count), known_family(cord)
-    return tuple(r for r in residuals if not family or r.family == family)

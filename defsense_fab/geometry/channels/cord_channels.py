@@ -228,14 +228,15 @@ def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float, nou
     if not inside[1:-1].all():
         outside = path[1:-1][~inside[1:-1]]
         problem = "misses the body" if not inside.any() else "leaves the body"
-        at = format_point(outside[len(outside) // 2])
+        middle = outside[len(outside) // 2]
         raise FabricationError(
-            f"{problem} near {at}",
+            f"{problem} near {format_point(middle)}",
             code="path-leaves-body",
             where=f"{noun} {sensor.name!r}",
             action="Move its plane or its path",
             cord=sensor.name,
             misses=not inside.any(),
+            at=middle.tolist(),
         )
     radius = bend_radius(path)
     k = int(radius.argmin())
@@ -249,4 +250,5 @@ def _check_path(sensor: Sensor, path: Float, body: Surface, diameter: float, nou
             action="Smooth the path",
             cord=sensor.name,
             radius=float(radius[k]),
+            at=path[k + 1].tolist(),
         )

@@ -241,7 +241,8 @@ def _check_whole(leaf: Any, channels: Sequence[Channel]) -> Any:
     pieces = sorted(solids_of(leaf), key=lambda p: -float(p.volume()))
     if len(pieces) > 1:
         chip = pieces[1]
-        at = format_point(triangle_kernel.to_surface(chip).centroid)
+        center = triangle_kernel.to_surface(chip).centroid
+        at = format_point(center)
         cords = [repr(c.name) for c in channels if c.solid.min_gap(chip, 0.1) < 0.05]
         raise FabricationError(
             f"cuts a piece of {chip.volume():.1f} mm^3 off its part near {at}",
@@ -249,6 +250,7 @@ def _check_whole(leaf: Any, channels: Sequence[Channel]) -> Any:
             where=f"the channel of cord {' and '.join(cords)}",
             action="Move it away from the planes of other cords",
             cords=[c.name for c in channels if repr(c.name) in cords],
+            at=center.tolist(),
         )
     if not pieces:
         raise FabricationError(

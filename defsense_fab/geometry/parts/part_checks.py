@@ -102,6 +102,8 @@ def check_thin_places(
                 where=part.name,
                 action="Move a plane",
                 part=part.name,
+                cords=[part_set.channels[c].name for c in sorted(cords_nearby)],
+                at=at.tolist(),
             )
         name = f"{part.name}: share thinner than {width:.1f} mm"
         note = f"{name}: {share:.0%}, near {format_point(at)}: it may print with gaps"
@@ -142,25 +144,28 @@ def check_insertion(part_set: PartSet, pieces: Sequence[Any], rules: PartRules) 
     wire = rules.pockets.wires.wire if rules.pockets and rules.pockets.wires else 0.0
     cords = [triangle_kernel.union([c.cord(rules.cord), *c.wires(wire)]) for c in part_set.channels]
     for channel, cord in zip(part_set.channels, cords, strict=True):
+        what = f"cord {channel.name!r} in its closed groove"
         for piece in pieces:
-            worst = max(
-                worst, check_overlap(cord, piece, f"cord {channel.name!r} in its closed groove")
-            )
+            worst = max(worst, check_overlap(cord, piece, what, cord=channel.name))
     for cut in part_set.cuts:
         for c in cut.cords:
-            what = f"cord {part_set.channels[c].name!r} as its groove is closed"
+            name = part_set.channels[c].name
+            what = f"cord {name!r} as its groove is closed"
             for side, direction in zip(
                 cut.sides, (-cut.plane.normal, cut.plane.normal), strict=True
             ):
                 for i, lift in itertools.product(side, OPEN_DISTANCES_MM):
-                    worst = max(
-                        worst, check_overlap(cords[c], pieces[i].translate(lift * direction), what)
-                    )
+                    piece = pieces[i].translate(lift * direction)
+                    worst = max(worst, check_overlap(cords[c], piece, what, cord=name))
     return Check("cord in solid, closed and opened", worst, MAX_OVERLAP_MM3, "mm3", "")
 
 
 def check_overlap(
-    rod: Any, piece: Any, what: str, remedy: str = "Move the cord or its plane"
+    rod: Any,
+    piece: Any,
+    what: str,
+    remedy: str = "Move the cord or its plane",
+    cord: str = "",
 ) -> float:
     """Return the volume that two manifold3d solids share, mm^3.
 
@@ -169,6 +174,7 @@ def check_overlap(
         piece: The other solid.
         what: Noun phrase for the first one.
         remedy: Action for the error.
+        cord: Name of the cord that the first one is; empty for anything else.
 
     Raises:
         FabricationError: If it is more than facets are rounded by.
@@ -177,11 +183,14 @@ def check_overlap(
     volume = float(common.volume())
     if volume > MAX_OVERLAP_MM3:
         at = triangle_kernel.to_surface(common).centroid
+        data = {"cord": cord} if cord else {}
         raise FabricationError(
             f"{what} meets {volume:.2f} mm^3 of solid near {format_point(at)}",
             code="overlaps-solid",
             action=remedy,
             volume=volume,
+            at=at.tolist(),
+            **data,
         )
     return volume
 

@@ -106,6 +106,7 @@ def check_cord_walls(channels: Sequence[Channel], body: Surface, rules: PartRule
                 action="Move it inwards",
                 cord=channel.name,
                 wall=float(depth[k]) - radius,
+                at=channel.inside[k].tolist(),
             )
         full_depth = np.where(needed >= radius + rules.wall - 1e-9, depth, np.inf)
         k = int(full_depth.argmin())
@@ -135,6 +136,7 @@ def check_cord_walls(channels: Sequence[Channel], body: Surface, rules: PartRule
                     action="Move them apart",
                     cords=(channel.name, other.name),
                     wall=wall,
+                    at=channel.inside[k].tolist(),
                 )
             at = format_point(channel.inside[k])
             checks.append(Check(name, wall, limit, "mm", at, at_least=True))
@@ -181,7 +183,8 @@ def check_wire_walls(channels: Sequence[Channel], body: Surface, rules: PartRule
             name = f"wall from the wire of cord {channel.name} to {what}"
             limit = required - 2 * CHANNEL_TOLERANCE_MM
             check = Check(name, wall, limit, "mm", at, at_least=True)
-            check.require(required, "wall-too-thin", "Move the cord", cord=channel.name, wall=wall)
+            facts = {"cord": channel.name, "wall": wall, "at": points[k].tolist()}
+            check.require(required, "wall-too-thin", "Move the cord", **facts)
             if np.isfinite(wall) and (name not in thinnest or wall < thinnest[name].value):
                 thinnest[name] = check
     return list(thinnest.values())

@@ -120,6 +120,7 @@ def fabricate(
             code=violations[0].code,
             cords=violations[0].cords,
             value=violations[0].value,
+            at=list(violations[0].at),
         )
     rules = part_rules(device, bay)
     if device.cord.trace is not None:
@@ -141,6 +142,7 @@ def fabricate(
                 action=f"Make its path longer near {format_point(channel.ends[0].mouth)}",
                 cord=channel.name,
                 stretched=stretched,
+                at=channel.ends[0].mouth.tolist(),
             )
     return parts
 

@@ -112,6 +112,7 @@ class Trial:
         free_ends: Number of cord ends without a pocket that holds them.
         warnings: Notes about the parts and their assembly.
         problem: Reason why it cannot be made.
+        failure: The error with this reason, and its cord and place.
         relief: The strain relief, with the channels; None if they cannot be made.
         part_set: The parts.
     """
@@ -125,6 +126,7 @@ class Trial:
     free_ends: int = 0
     warnings: tuple[str, ...] = ()
     problem: str | None = None
+    failure: FabricationError | None = field(default=None, repr=False, compare=False)
     relief: StrainRelief | None = field(default=None, repr=False, compare=False)
     part_set: PartSet | None = field(default=None, repr=False, compare=False)
 
@@ -230,26 +232,33 @@ def choose_layout(
             trials.append(outline(*untried.pop(simpler)))
         elif best is None or not cast:
             return best or trials[0], tuple(trials)
-        elif (problem := _casting_problem(device, best, subrange(report, share, 1.0))) is None:
+        elif (error := casting_error(device, best, subrange(report, share, 1.0))) is None:
             return best, tuple(trials)
         else:
-            failed = _with_problem(best, problem)
+            failed = _fail(best, error)
             trials = [failed if t is best else t for t in trials]
 
 
-def _casting_problem(device: Device, trial: Trial, report: Report) -> str | None:
+def casting_error(device: Device, trial: Trial, report: Report) -> FabricationError | None:
     """Return why the parts of a layout cannot be cast, or None, by making their moulds."""
     assert trial.part_set is not None
     try:
         make_moulds(trial.part_set, mould_rules(device), report)
     except FabricationError as error:
-        return str(error)
+        return error
     return None
 
 
-def _with_problem(trial: Trial, problem: str) -> Trial:
+def _fail(trial: Trial, error: FabricationError) -> Trial:
     """Return the trial of a layout that cannot be made after all."""
-    return Trial(trial.layout, trial.designed, trial.scored, trial.slanted, problem=problem)
+    return Trial(
+        trial.layout,
+        trial.designed,
+        trial.scored,
+        trial.slanted,
+        problem=str(error),
+        failure=error,
+    )
 
 
 def _score_design(task: DesignTask, layout: OptimizedLayout) -> ScoredLayout:
@@ -280,7 +289,8 @@ def outline_trial(
     try:
         relief = decide_strain_relief(device, task, surface, layout.sensors, bay)
     except FabricationError as error:
-        return Trial(layout, designed, _score_design(task, layout), slants, problem=str(error))
+        scored = _score_design(task, layout)
+        return _fail(Trial(layout, designed, scored, slants), error)
     free = sum(not e.pocket for c in relief.channels for e in c.ends)
     return Trial(
         layout,
@@ -311,7 +321,7 @@ def make_on_trial(task: DesignTask, trial: Trial, surface: Surface, bay: Prism |
         if device.fabrication.kind == "cast":
             check_openings(part_set)
     except FabricationError as error:
-        return _with_problem(trial, str(error))
+        return _fail(trial, error)
     built = score_channels(task, part_set.channels)
     free = sum(not e.pocket for c in part_set.channels for e in c.ends)
     return replace(

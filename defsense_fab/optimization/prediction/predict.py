@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,13 +11,9 @@ from ...core.arrays import Float
 from ...decoding.decoders import AnyDecoder, fit_decoder
 from ...decoding.expected_errors import UnseenStates, choose_unseen_states, measure_errors
 from ...sensing.built_cord import BuiltCord
-from ...sensing.memory_residual import MemoryResidual
 from ...store.layout import Prediction
 from ..problem.problem import Problem
-from ..studies.tolerance_monte_carlo import Tolerances, measure_devices, sample_devices
-from .design_task import SEED, DesignTask
-
-_EXACT = Tolerances(offset=0.0, gauge=0.0, amplitude=0.0, ends=0.0, compression=0.0)
+from .design_task import DesignTask
 
 
 def left_out_error(task: DesignTask, cords: Sequence[BuiltCord]) -> float:
@@ -47,45 +43,6 @@ def read_cords(task: DesignTask, cords: Sequence[BuiltCord]) -> tuple[Float, Flo
         np.append(0.0, task.reading.signals(c, task.everything.deform(c.path))) for c in cords
     ]
     return np.stack(columns, axis=1), np.array([task.reading.noise(c) for c in cords])
-
-
-def trained_error(
-    task: DesignTask,
-    cords: Sequence[BuiltCord],
-    residuals: Sequence[MemoryResidual],
-    shares: Float | None = None,
-) -> float:
-    """Return the RMSE (mm) that is expected after training, as designed.
-
-    It is the geometric mean over what may be left of the cords' memory, each with its median.
-
-    Args:
-        task: The design task.
-        cords: The cords as built in.
-        residuals: What may be left of the memory.
-        shares: How often a session shows each state (n,); None for unseen states alone.
-    """
-    if shares is not None:
-        unseen = replace(task.unseen, shares=shares)
-        rng = np.random.default_rng(SEED)
-        exact = sample_devices(task.everything, cords, task.reading, rng, unseen, 1, _EXACT)
-        errors = [
-            measure_devices(
-                exact, task.everything.decoder, unseen, replace(r, low=r.median, high=r.median)
-            )[0]
-            for r in residuals
-        ]
-        return float(np.exp(np.mean(np.log(errors))))
-    signals, noise = read_cords(task, cords)
-    problem, largest = task.everything, np.abs(signals).max(axis=0)
-    flat = problem.markers.reshape(len(problem.markers), -1)
-    errors = [
-        _unseen_errors(
-            problem, task.unseen, signals, np.hypot(noise, r.median * r.unit(largest)), flat
-        )[0]
-        for r in residuals
-    ]
-    return float(np.exp(np.mean(np.log(errors))))
 
 
 @dataclass(frozen=True)

@@ -92,9 +92,16 @@ class Problem(Record, frozen=True, kw_only=True):
             text=str(error),
             message=message,
             field=str(error.data.get("key", "")),
-            cord=str(error.data.get("cord", "")),
+            cord=_cord_of(error),
             suggestion=suggested if isinstance(suggested, int | float) else None,
         )
+
+
+def _cord_of(error: DefsenseError) -> str:
+    """Return the cord that an error names, or the first of several; empty if it names none."""
+    cords = error.data.get("cords")
+    first = cords[0] if isinstance(cords, list | tuple) and cords else ""
+    return str(error.data.get("cord") or first)
 
 
 class Reply(Event, frozen=True, kw_only=True):

@@ -8,6 +8,7 @@ from ...core.errors import DefsenseError
 from ...workflow.view import Client, Download, Problem, Request, WebServer
 from ..project.agreement import Agreement
 from ..project.project import Project
+from ..session.cord_check import CordCheck
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
 from ..steps.body.step import BodyStep
@@ -32,6 +33,7 @@ class DeviceApp:
     Attributes:
         session: The device, its build and the work in the background.
         steps: The steps.
+        check: Makes the drawn cords on trial.
     """
 
     def __init__(
@@ -39,14 +41,15 @@ class DeviceApp:
     ) -> None:
         self.session = DeviceSession(server, project, agreement)
         shell = ShellStep(self.session)
+        self.check = check = CordCheck(self.session)
         self.steps: tuple[Step, ...] = (
             shell,
             BodyStep(self.session),
             BodyFitStep(self.session, shell.show_misfit),
             PosesStep(self.session),
-            SensorsStep(self.session, shell.show_violations),
+            SensorsStep(self.session, check, shell.show_limits),
             InsideStep(self.session),
-            OptimizeStep(self.session, shell.show_optimized),
+            OptimizeStep(self.session, check, shell.show_optimized),
             MakeStep(self.session),
             MeasureStep(self.session, shell.publish_pipeline),
         )
@@ -102,6 +105,7 @@ class DeviceApp:
 
     def close(self) -> None:
         """End all running work."""
+        self.check.close()
         for step in self.steps:
             step.close()
         self.session.close()

@@ -36,16 +36,24 @@ class OptimizeState(Event, frozen=True, kw_only=True):
         text: The sentence.
         obstacle: Why no search can start, or why it would find the same; empty if one can.
         drawn: Expected error of the drawn cords, mm; None if it cannot be predicted.
+        is_drawn_in_parts: Whether this is the error in their parts; else it is that without the
+            cuts, as their parts were not made on trial or cannot be made.
         built: Expected error of the cords of the last build or search, mm; None without one.
         is_built_moved: Whether a search has moved or added those.
+        best_layout: Name of the layout to use after a search: the chosen one, or the most accurate
+            that can be made; empty for none.
+        best_problem: Why none can be made; empty if one can.
     """
 
     standing: Standing
     text: str
     obstacle: str
     drawn: float | None = None
+    is_drawn_in_parts: bool = False
     built: float | None = None
     is_built_moved: bool = False
+    best_layout: str = ""
+    best_problem: str = ""
 
 
 class SearchedPose(Record, frozen=True, kw_only=True):
@@ -95,7 +103,8 @@ class LayoutRow(Record, frozen=True, kw_only=True):
         name: Unique name of the layout.
         role: Which layout it is; the numbers of an earlier one are of an earlier design.
         is_drawn: Whether the drawn cords are those of the layout.
-        error: Error in unseen states, mm.
+        error: Expected error in its parts if `parts` is known, else without the cuts, mm.
+        drawn_error: Expected error without the cuts of the parts, mm.
         trained: Error expected after training, with the memory of the cords, mm.
         trained_low: Lower limit of the range of 90 % of built devices, mm.
         trained_high: Upper limit of this range, mm.
@@ -112,6 +121,7 @@ class LayoutRow(Record, frozen=True, kw_only=True):
     role: Role
     is_drawn: bool
     error: float | None
+    drawn_error: float | None
     trained: float | None
     trained_low: float | None
     trained_high: float | None
@@ -181,7 +191,9 @@ class UseLayout(Request, frozen=True, kw_only=True):
 
 
 class UseBest(Request, frozen=True, kw_only=True):
-    """End the search if it runs, and replace the drawn cords by its best ones."""
+    """End the search if it runs, and replace the drawn cords by its best ones that can be made."""
+
+    lane: ClassVar[str] = "search"
 
 
 class UnlockCords(Request, frozen=True, kw_only=True):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
+from msgspec import field
+
 from ...workflow.view import Event, Problem, Record, Request, Result
 
 
@@ -55,13 +57,30 @@ class Violation(Record, frozen=True, kw_only=True):
     at: list[float]
 
 
+class PartsCheck(Record, frozen=True, kw_only=True):
+    """Whether the drawn cords can be made, and what they sense in their parts.
+
+    Attributes:
+        state: Whether that is not known, being checked, or known.
+        problem: Why they cannot be made.
+        error: Expected error with the grooves of the parts, mm; None if it is not known.
+        in_use: Error in use, mm: its median, and the limits of 90 % of built devices; empty if it
+            is not known.
+        parts: Number of parts.
+    """
+
+    state: Literal["none", "checking", "passed", "failed"] = "none"
+    problem: Violation | None = None
+    error: float | None = None
+    in_use: list[float] = field(default_factory=list)
+    parts: int | None = None
+
+
 class Judgement(Record, frozen=True, kw_only=True):
     """The error expected of cords, and the limits that they break.
 
     Attributes:
         error: Expected error, mm; None without cords, or if it cannot be predicted.
-        trained: Error in use (after training, with the memory of the cords), mm; None if not
-            computed.
         decoder: The decoder.
         poses: Expectations by pose.
         cords: Numbers of the cords.
@@ -70,7 +89,6 @@ class Judgement(Record, frozen=True, kw_only=True):
     """
 
     error: float | None
-    trained: float | None
     decoder: str
     poses: list[PoseError]
     cords: list[CordNumbers]
@@ -87,8 +105,8 @@ class Prediction(Event, frozen=True, kw_only=True):
         is_computing: Whether `drawn` belongs to earlier cords, and is computed again.
         drawn: Judgement of the drawn cords; None if not ready.
         drawn_problem: Why it is missing.
+        check: Whether they can be made.
         built: Error of the cords of the last build, mm; None without a build.
-        built_in_use: Their error in use, mm; None without a build.
         is_built_drawn: Whether the built cords are the drawn ones.
     """
 
@@ -97,8 +115,8 @@ class Prediction(Event, frozen=True, kw_only=True):
     is_computing: bool
     drawn: Judgement | None = None
     drawn_problem: Problem | None = None
+    check: PartsCheck = field(default_factory=PartsCheck)
     built: float | None = None
-    built_in_use: float | None = None
     is_built_drawn: bool = False
 
 

@@ -9,6 +9,20 @@ from ..messages.shell import NextAction, Pipeline, StepName, StepState, StepStat
 
 
 @dataclass(frozen=True)
+class LimitState:
+    """What is known of the limits of the drawn cords.
+
+    Attributes:
+        is_broken: Whether they break a limit, or cannot be made.
+        is_being_checked: Whether they keep the limits of their paths, and it is being checked
+            whether they can be made.
+    """
+
+    is_broken: bool = False
+    is_being_checked: bool = False
+
+
+@dataclass(frozen=True)
 class Progress:
     """What the state of the steps follows from.
 
@@ -19,7 +33,7 @@ class Progress:
         cords: Number of drawn cords.
         proposed: Number of cords that the optimizer adds.
         can_move: Whether the optimizer may move or add cords.
-        has_violations: Whether the drawn cords break a limit.
+        limits: What is known of the limits of the drawn cords.
         misfit: Which regions and poses are outside the body, in one sentence; empty for none.
         is_optimized: Whether the drawn cords are those that the last search found.
         noun: What one sensor is called.
@@ -32,7 +46,7 @@ class Progress:
     cords: int
     proposed: int
     can_move: bool
-    has_violations: bool
+    limits: LimitState
     misfit: str
     is_optimized: bool
     noun: str
@@ -74,7 +88,7 @@ def next_action(p: Progress) -> NextAction:
         return NextAction(
             label=f"Add a {p.noun}", hint=f"Draw a {p.noun}, or let one be proposed", step="sensors"
         )
-    if p.has_violations:
+    if p.limits.is_broken:
         return NextAction(
             label="Fix the limits",
             hint=f"A {p.noun} breaks a limit, and the parts cannot be made",
@@ -138,9 +152,11 @@ def _sensors(p: Progress) -> tuple[StepState, str]:
         return "blocked", "Make the body first"
     if not p.cords:
         return "ready", f"No {p.noun} yet"
-    if p.has_violations:
+    if p.limits.is_broken:
         return "stale", f"A {p.noun} breaks a limit"
     count = f"1 {p.noun}" if p.cords == 1 else f"{p.cords} {p.noun}s"
+    if p.limits.is_being_checked:
+        return "ready", f"{count}: checking whether the parts can be made"
     return "done", f"{count} within all limits"
 
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...core.device.device import Sensor
 from ...core.errors import LayoutError
+from ...workflow.design.cord_trial import CordTrial
 from ...workflow.design.layout_judge import JudgedLayout, LayoutCheck, LayoutJudge
 from ...workflow.view import Problem
 from ..messages import sensors as messages
+from ..session.built_cords import BuiltCords
+from ..session.cord_check import CheckState
 from ..session.cord_states import rounded
 
 _STRAIGHT_RADIUS_MM = 1000.0  # a cord with a larger radius is shown as straight
 _MAX_INLET_MM = 1e3  # an inlet that does not leave the body is infinite
 _MAX_SHOWN_PLACES = 400  # where limits are broken
+_SAME_ERROR_MM = 0.005  # by which rounding in `device.toml` may change an error
 
 
 def judge(
@@ -38,7 +43,6 @@ def describe_layout(
     places = check.broken[:: len(check.broken) // _MAX_SHOWN_PLACES + 1]
     return messages.Judgement(
         error=None if judged is None else judged.error,
-        trained=None if judged is None else judged.trained,
         decoder="" if judged is None else judged.decoder,
         poses=[]
         if judged is None
@@ -66,3 +70,55 @@ def describe_layout(
         ],
         broken=rounded(places),
     )
+
+
+def describe_check(
+    state: CheckState, trial: CordTrial | None, built: BuiltCords | None
+) -> messages.PartsCheck:
+    """Return what the page shows of cords that were made on trial.
+
+    Args:
+        state: What is known of them.
+        trial: The result, or None.
+        built: The cords of the last build, if they are the same; else None.
+    """
+    if trial is None:
+        return messages.PartsCheck(state="checking" if state == "checking" else "none")
+    if trial.problem is not None:
+        problem = trial.problem
+        violation = messages.Violation(
+            code=problem.code, text=problem.text, cords=list(problem.cords), at=list(problem.at)
+        )
+        return messages.PartsCheck(state="failed", problem=violation)
+    numbers = trial_numbers(trial, built)
+    return messages.PartsCheck(
+        state="passed", error=numbers.error, in_use=list(numbers.in_use), parts=trial.parts
+    )
+
+
+@dataclass(frozen=True)
+class TrialNumbers:
+    """Errors of cords in their parts.
+
+    Attributes:
+        error: Expected error, mm.
+        in_use: Error in use, mm: its median, and the limits of 90 % of built devices; empty if it
+            is not known.
+    """
+
+    error: float | None
+    in_use: tuple[float, ...]
+
+
+def trial_numbers(trial: CordTrial, built: BuiltCords | None) -> TrialNumbers:
+    """Return the errors of cords that were made on trial, or those of a build with the same cords.
+
+    The file rounds paths, so that both may differ in the last shown digit; the page shows one.
+    """
+    drawn = float("nan") if trial.error is None else trial.error
+    if built is not None and abs(built.error - drawn) < _SAME_ERROR_MM:
+        return TrialNumbers(built.error, built.in_use)
+    if trial.band is None:
+        return TrialNumbers(trial.error, ())
+    trained = trial.band.trained
+    return TrialNumbers(trial.error, (trained.median, trained.low, trained.high))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ...core.curve import Hermite, catmull_rom, sample_path
+from ...core.curve import Hermite, catmull_rom
 from ...core.device.device import Sensor
 from ...core.errors import DefsenseError, DeviceError, LayoutError
 from ...workflow.design.body_fit import check_cords
@@ -20,16 +21,19 @@ from ..edits import cords as edits
 from ..edits.edit import Edit, free_name
 from ..messages import sensors as messages
 from ..session.built_cords import built_cords
+from ..session.cord_check import CordCheck
 from ..session.cord_states import is_smooth, path_points, plane_of, rounded
 from ..session.device_session import DeviceSession
+from ..session.pipeline import LimitState
 from ..session.step import Handler, Step
-from .judgement import describe_layout, judge
+from .judgement import describe_check, describe_layout, judge
+from .makeable_proposal import makeable_proposal
+from .optimize.ghost_cords import are_same
 
 _NOT_SIMULATED = "Simulate the poses to see the expected error"
 _OTHER_BODY = "The body has changed: simulate the poses again to see the expected error"
 _SNAP_DISTANCE = 0.01  # times the body's size
 _SHIFT = 0.04  # of a copy from its original, times the body's size
-_EQUAL_PATHS_MM = 0.02  # by which equal paths may differ, as the file has three decimals
 _SNAP_TEXTS = {"surface": "surface", "middle": "middle of the body"}
 
 Cords = tuple[Sensor, ...]
@@ -40,15 +44,21 @@ class SensorsStep(Step):
 
     Args:
         session: The device.
-        on_violations: Called with whether the drawn cords break a limit.
+        check: Makes the drawn cords on trial.
+        on_limits: Called with what is known of the limits of the drawn cords.
 
     Attributes:
         prediction: What was published last, or None.
     """
 
-    def __init__(self, session: DeviceSession, on_violations: Callable[[bool], None]) -> None:
+    def __init__(
+        self, session: DeviceSession, check: CordCheck, on_limits: Callable[[LimitState], None]
+    ) -> None:
         super().__init__(session)
-        self._on_violations = on_violations
+        self._cord_check, self._on_limits = check, on_limits
+        check.on_result.append(self._publish_again)
+        self._last: tuple[Cords, dict[str, Any]] | None = None
+        self._publishing = threading.Lock()
         self.prediction: messages.Prediction | None = None
         self._worker = LatestWorker[Cords](self._judge_drawn, session.show_error)
         self._snapper: tuple[object, Snapper] | None = None
@@ -196,7 +206,9 @@ class SensorsStep(Step):
                 "another job is running", code="job-running", action="Wait until it ends"
             )
         try:
-            cord = judge_.propose(self._free_name("cord"), sensors, report)
+            cord = makeable_proposal(
+                judge_, self._cord_check, sensors, self._free_name("cord"), report
+            )
         finally:
             client.send(messages.ProposalProgress(share=None))
         # The name may have been taken meanwhile.
@@ -297,27 +309,47 @@ class SensorsStep(Step):
         judge_ = self.session.judge
         if judge_ is None or self.session.preview is not None:
             text = _NOT_SIMULATED if judge_ is None else _OTHER_BODY
-            self._publish(is_ready=False, text=text, drawn=self._check(sensors))
+            self._cord_check.stop()
+            self._publish(sensors, is_ready=False, text=text, drawn=self._check(sensors))
             return
         quick, problem = judge(judge_, sensors, quick=True)
-        self._publish(drawn=quick, drawn_problem=problem, is_computing=bool(sensors))
+        if not sensors or quick.violations or problem is not None:
+            self._cord_check.stop()
+        else:
+            self._cord_check.request(sensors)
+        self._publish(sensors, drawn=quick, drawn_problem=problem, is_computing=bool(sensors))
         if sensors and self._worker.pending is None:
             full, problem = judge(judge_, sensors, quick=False)
-            self._publish(drawn=full, drawn_problem=problem)
+            self._publish(sensors, drawn=full, drawn_problem=problem)
 
-    def _publish(self, **values: Any) -> None:
+    def _publish(self, sensors: Cords, **values: Any) -> None:
         built = built_cords(self.session.results)
-        drawn_cords = self.session.device.sensors
-        defaults = {"is_ready": True, "text": "", "is_computing": False}
-        self.prediction = messages.Prediction(
-            built=None if built is None else built.error,
-            built_in_use=None if built is None else built.in_use[0],
-            is_built_drawn=built is not None and _are_equal(built.sensors, drawn_cords),
-            **{**defaults, **values},
-        )
-        self.session.server.publish(self.prediction)
-        drawn = self.prediction.drawn
-        self._on_violations(drawn is not None and bool(drawn.violations))
+        is_built = built is not None and are_same(built.sensors, sensors)
+        drawn: messages.Judgement | None = values["drawn"]
+        is_kept = drawn is not None and not drawn.violations and bool(sensors)
+        check = messages.PartsCheck()
+        if is_kept and values.get("is_ready", True):
+            state, trial = self._cord_check.state(sensors), self._cord_check.result(sensors)
+            check = describe_check(state, trial, built if is_built else None)
+        with self._publishing:
+            self._last = sensors, values
+            defaults = {"is_ready": True, "text": "", "is_computing": False}
+            self.prediction = messages.Prediction(
+                check=check,
+                built=None if built is None else built.error,
+                is_built_drawn=is_built,
+                **{**defaults, **values},
+            )
+            self.session.server.publish(self.prediction)
+        has_violations = bool(drawn and drawn.violations) or check.state == "failed"
+        self._on_limits(LimitState(has_violations, check.state == "checking"))
+
+    def _publish_again(self) -> None:
+        """Publish the last judgement with the present result of the check."""
+        with self._publishing:
+            last = self._last
+        if last is not None:
+            self._publish(last[0], **last[1])
 
 
 def with_point(sensor: Sensor, index: int, point: Any) -> Sensor:
@@ -330,20 +362,6 @@ def with_point(sensor: Sensor, index: int, point: Any) -> Sensor:
     if is_smooth(sensor.curve):
         tangents = catmull_rom(points)
     return replace(sensor, curve=Hermite(points, tangents))
-
-
-def _are_equal(some: Sequence[Sensor], others: Sequence[Sensor]) -> bool:
-    """Return whether cords have the same names and paths, up to the digits of `device.toml`."""
-    paths = {sensor.name: sample_path(sensor) for sensor in some}
-    if len(some) != len(others) or set(paths) != {sensor.name for sensor in others}:
-        return False
-    for sensor in others:
-        path = sample_path(sensor)
-        if path.shape != paths[sensor.name].shape:
-            return False
-        if np.abs(path - paths[sensor.name]).max() > _EQUAL_PATHS_MM:
-            return False
-    return True
 
 
 def _check_point(sensor: Sensor, index: int, point: Any) -> None:

@@ -12,7 +12,7 @@ from ..edits.body import rename_device
 from ..messages import shell
 from ..session.built_cords import can_move_cords
 from ..session.cord_states import cord_states
-from ..session.pipeline import Progress, pipeline
+from ..session.pipeline import LimitState, Progress, pipeline
 from ..session.step import Handler, Step
 from .build_request import start_build
 
@@ -21,12 +21,12 @@ class ShellStep(Step):
     """Publishes the device and the pipeline, and handles undo and builds.
 
     Attributes:
-        has_violations: Whether the drawn cords break a limit; set by the step Sensors.
+        limits: What is known of the limits of the drawn cords; set by the step Sensors.
         is_optimized: Whether the drawn cords are the optimized ones; set by the step Optimize.
         misfit: What of regions and poses is outside the body; set by BodyFitStep.
     """
 
-    has_violations = False
+    limits = LimitState()
     is_optimized = False
     misfit = ""
 
@@ -79,10 +79,10 @@ class ShellStep(Step):
     def on_freshness(self) -> None:
         self.publish_pipeline()
 
-    def show_violations(self, has_violations: bool) -> None:
-        """Follow whether the drawn cords break a limit."""
-        if has_violations != self.has_violations:
-            self.has_violations = has_violations
+    def show_limits(self, limits: LimitState) -> None:
+        """Follow what is known of the limits of the drawn cords."""
+        if limits != self.limits:
+            self.limits = limits
             self.publish_pipeline()
 
     def show_optimized(self, is_optimized: bool) -> None:
@@ -109,7 +109,7 @@ class ShellStep(Step):
                     cords=len(device.sensors),
                     proposed=device.propose,
                     can_move=can_move_cords(device),
-                    has_violations=self.has_violations,
+                    limits=self.limits,
                     misfit=self.misfit,
                     is_optimized=self.is_optimized,
                     noun=device.cord.noun,

@@ -38,6 +38,16 @@ def has_parts(build: Build) -> bool:
     return (build.folder / MANIFEST).exists()
 
 
+def poses_digest(build: Build) -> str:
+    """Return a hash of a build's simulated poses and of the mesh that they deform.
+
+    Raises:
+        OSError: The build has no poses.
+        StorageError: It has no mesh.
+    """
+    return build.mesh_record.hash + digest(build.folder / INDEX)
+
+
 def layout_digest(build: Build) -> str:
     """Return a hash of a build's layout, which differs if the cords were optimized again.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import distinct_planes, sample_path
+from ...core.curve import sample_path
 from ...core.device.device import DECODERS, Device, Sensor
 from ...core.errors import FabricationError, LayoutError
 from ...core.progress import subrange
@@ -32,8 +32,6 @@ from ...optimization.refinement.refine import (
     improve_layout,
     require_drawing,
 )
-from ...optimization.search.plane_directions import face_directions
-from ...optimization.search.starting_layouts import FREE
 from ...optimization.studies.risks import check_cord_count, find_risks
 from ...sensing.built_cord import BuiltCord
 from ...sensing.response import mean_strain, segment_strain_range
@@ -54,12 +52,9 @@ from ..design.session_shares import session_shares
 from .continued_layout import EarlierLayout
 from .layout_searches import MapTasks, Search, SearchObserver, SearchRunner
 from .pose_forces import pose_forces
+from .search_plan import default_searches, is_searched, search_alternatives, search_more
 from .stages import Report, Watch
 from .traced_poses import MIN_SIGNAL_CHANGE, Stiffening, stiffen, use_plain_fields
-
-# The fewer the cords, the less time a search takes, and the more its random choices matter.
-_CORD_SEARCHES = 15  # searches times cords
-_MIN_SEARCHES = 5
 
 
 @dataclass(frozen=True)
@@ -126,8 +121,14 @@ def run(
         how = ""
         runner = SearchRunner(device, task.design, observer, map_tasks)
         task, first = _search_decoders(device, task, subrange(report, 0.0, 0.4), runner)
-        found = _search_alternatives(device, task, first, subrange(report, 0.4, 0.8), runner)
+        found = search_alternatives(device, task, first, subrange(report, 0.4, 0.8), runner)
         chosen, trials = choose(task, found)
+        if chosen.problem and is_searched(device):
+            more = search_more(device, task, len(first.sensors), report, runner)
+            if more:
+                again, further = choose(task, more)
+                if not again.problem:
+                    chosen, trials = again, (*further, *trials)
     stiffness: tuple[str, ...] = ()
     if device.cord.trace is not None and chosen.relief is not None:
         others = [t for t in trials if t is not chosen]
@@ -243,7 +244,6 @@ def require_feasible_layout(device: Device, layout: LayoutRecord) -> None:
         numbers.setdefault(str(trial.problem), []).append(str(number))
     reasons = " ".join(f"({', '.join(which)}) {reason}" for reason, which in numbers.items())
     searches = device.searches or default_searches(len(layout.sensors))
-    is_searched = device.propose > 0 or any(s.free for s in device.sensors)
     count = f"none of {len(layouts)} layouts" if len(layouts) > 1 else "the layout"
     raise FabricationError(
         f"{count} can{'' if len(layouts) > 1 else 'not'} be {'cast' if is_cast else 'printed'}:"
@@ -251,7 +251,7 @@ def require_feasible_layout(device: Device, layout: LayoutRecord) -> None:
         code="no-feasible-layout",
         where=device.source / "device.toml",
         action=f"Raise [design] searches ({searches}) or sensors ({len(layout.sensors)})"
-        if is_searched
+        if is_searched(device)
         else f"Move the {device.cord.noun}s in [[sensors]]",
         problems=[t.problem for t in layouts],
         searches=searches,
@@ -347,45 +347,6 @@ def as_stored(found: OptimizedLayout) -> OptimizedLayout:
     """
     cords = [replace(s, plane=CordPath.of(s).sensor().plane) for s in found.sensors]
     return replace(found, sensors=tuple(cords))
-
-
-def default_searches(cords: int) -> int:
-    """Return the default number of searches with different seeds, for a number of cords."""
-    return max(_CORD_SEARCHES // cords, _MIN_SEARCHES)
-
-
-def _search_alternatives(
-    device: Device,
-    task: DesignTask,
-    first: OptimizedLayout,
-    report: Report,
-    runner: SearchRunner,
-) -> list[OptimizedLayout]:
-    """Return the layout with its alternatives.
-
-    They are the layout that the search started from, if it keeps the limits, and layouts of other
-    seeds, of fewer planes, and of planes along the body's faces. Layouts of locked cords have none.
-    """
-    layouts = [first]
-    if not (device.propose or any(s.free for s in device.sensors)):
-        return layouts
-    start = evaluate_unchanged(task.design, tuple(first.initial))
-    layouts += [start] if start else []
-    is_cut = device.cord.trace is None
-    fewer = range(1, len(distinct_planes([s.plane for s in first.sensors])) if is_cut else 1)
-    if not device.propose:  # without new cords, the planes are as many as those drawn
-        fewer = fewer[len(distinct_planes([s.plane for s in device.sensors])) - 1 :][:1]
-    count, kind = device.searches or default_searches(len(first.sensors)), task.design.decoder
-    searches = [Search(kind, seed, device.planes) for seed in range(1, count)]
-    searches += [Search(kind, 0, n) for n in fewer if device.planes is None or n < device.planes]
-    has_free_planes = device.planes is None and any(s.free == FREE for s in device.sensors)
-    if is_cut and (device.propose or has_free_planes):
-        searches.append(Search(kind, 0, device.planes, face_directions(task.design.surface)))
-    if device.searches is not None:  # simple layouts first, as they are the likeliest to be made
-        searches = searches[::-1][: device.searches - 1]
-    found = runner.run(searches, report)
-    # Some have no room for the cords in so few planes.
-    return [*layouts, *(layout for layout in found if isinstance(layout, OptimizedLayout))]
 
 
 def _cord_records(

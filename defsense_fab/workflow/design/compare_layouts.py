@@ -13,19 +13,17 @@ from ...core.errors import LayoutError, StorageError
 from ...core.progress import Report
 from ...optimization.prediction.as_built import assumed_cords
 from ...optimization.prediction.built_devices import predict_built_devices
-from ...optimization.prediction.choose_layout import make_on_trial, outline_trial, prefer_layout
+from ...optimization.prediction.choose_layout import prefer_layout
 from ...optimization.prediction.design_task import (
     SEED,
     DesignTask,
-    candidate_decoders,
     load_task,
 )
-from ...optimization.prediction.predict import ScoredLayout, predict, predict_with_best_decoder
-from ...optimization.refinement.refine import OptimizedLayout
+from ...optimization.prediction.predict import ScoredLayout, predict
 from ...optimization.search import baselines
-from ...optimization.search.plane_directions import face_directions
 from ...store.build import Build
 from ...store.layout import BandRecord, CordPath, LayoutRecord, WeighedRecord
+from .cord_trial import CordTrial, TrialBench
 from .session_shares import session_shares
 
 DRAWN, VISUAL, FULL, SIMPLE = "as drawn", "by eye", "most accurate", "simplest"
@@ -50,6 +48,8 @@ class ComparedLayout:
         is_studied: Whether it is a result of `defsense study`.
         trained: RMSE (mm) expected after training, with the memory of the cords: its median and
             the limits between which 90 % of built devices lie, if computed.
+        drawn_error: RMSE (mm) on unseen states as drawn, without the grooves of the parts; NaN if
+            it is not known.
     """
 
     name: str
@@ -62,6 +62,7 @@ class ComparedLayout:
     is_built: bool = False
     is_studied: bool = False
     trained: tuple[float, float, float] | None = None
+    drawn_error: float = float("nan")
 
     @property
     def planes(self) -> int:
@@ -114,6 +115,7 @@ def _compared(
         one.problem,
         one.chosen,
         trained=trained,
+        drawn_error=one.designed,
     )
 
 
@@ -170,9 +172,10 @@ def compare_layouts(
         on_layout(ComparedLayout(VISUAL, (), float("nan"), problem=str(error)))
     new += [(k.name, k.sensors) for k in tried if k.parts is None and k.problem is None]
     without_band = [k for k in tried if k.band is None and k.parts is not None]
+    bench = TrialBench(device, build, task)
     for k, (name, sensors) in enumerate(new):
         report((k + 0.5) / (len(new) + 1), f"making the layout {name} on trial")
-        on_layout(_make_compared(device, build, task, name, sensors))
+        on_layout(tried_as(name, bench.make_with_band(sensors)))
     decoded = task.with_decoder(layout.prediction.decoder)
     for k, layout_without_band in enumerate(without_band):
         report(
@@ -184,24 +187,17 @@ def compare_layouts(
         on_layout(replace(layout_without_band, band=band, trained=trained))
 
 
-def _make_compared(
-    device: Device, build: Build, task: DesignTask, name: str, sensors: tuple[Sensor, ...]
-) -> ComparedLayout:
-    """Make a layout on trial, for the decoder that predicts the smallest error."""
-    tasks = [task.with_decoder(kind) for kind in candidate_decoders(device, task)]
-    best, scored = predict_with_best_decoder(tasks, assumed_cords(task, sensors))
-    error = scored.prediction.unseen
-    surface = build.surface
-    layout = OptimizedLayout(sensors, error, False, (), sensors)
-    bay = build.body.bay
-    outlined = outline_trial(device, best, layout, error, surface, bay, face_directions(surface))
-    trial = make_on_trial(best, outlined, surface, bay)
+def tried_as(name: str, trial: CordTrial) -> ComparedLayout:
+    """Return cords that were made on trial as a layout with a name."""
+    error = trial.drawn_error if trial.error is None else trial.error
+    layout = ComparedLayout(name, trial.sensors, error, trial.parts, drawn_error=trial.drawn_error)
     if trial.problem is not None:
-        return ComparedLayout(name, sensors, error, problem=trial.problem)
-    band, trained = _band(device, best, trial.scored, trial.built)
-    return ComparedLayout(
-        name, sensors, trial.built, trial.parts, band, trial.warnings, trained=trained
-    )
+        return replace(layout, problem=trial.problem.text)
+    layout = replace(layout, warnings=trial.warnings)
+    if trial.band is None:
+        return layout
+    band = trial.band.low, trial.band.high
+    return replace(layout, band=band, trained=_trained(trial.band))
 
 
 def _band(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import Hermite, catmull_rom
+from ...core.curve import Hermite, catmull_rom, distinct_planes
 from ...core.device.device import Device, Sensor
 from ...core.errors import LayoutError
 from ...core.progress import Report, subrange
@@ -17,17 +17,12 @@ from ...optimization.limits.verification import LayoutCheck as LayoutCheck
 from ...optimization.limits.verification import verify
 from ...optimization.prediction.as_built import assumed_cords
 from ...optimization.prediction.design_task import SEED, DesignTask, candidate_decoders, load_task
-from ...optimization.prediction.predict import (
-    predict,
-    predict_with_best_decoder,
-    trained_error,
-)
+from ...optimization.prediction.predict import predict, predict_with_best_decoder
 from ...optimization.refinement.refine import optimize_layout
 from ...optimization.search.baselines import middle_plane
+from ...optimization.search.plane_directions import face_directions
 from ...optimization.search.starting_layouts import LayoutSearch
-from ...sensing.memory_residual import TRAINED, expected_residuals
 from ...store.build import Build
-from .session_shares import session_shares
 
 _STRAIGHT_END_MM = 8.0  # of a new path
 _INNER_POINTS = 4  # control points between the straight ends
@@ -48,8 +43,6 @@ class JudgedLayout:
         pose_movements: Root mean square of the markers' movement (mm) in the same states.
         pose_signals: (c,) signals of the cords in the same states, by the pose's name.
         signals: (n, c) signals of the cords in all states, rest first.
-        trained: RMSE (mm) expected after training, with the memory of the cords; None for a quick
-            prediction.
     """
 
     error: float
@@ -58,7 +51,6 @@ class JudgedLayout:
     pose_movements: Mapping[str, float]
     pose_signals: Mapping[str, Float]
     signals: Float
-    trained: float | None = None
 
 
 @dataclass(frozen=True)
@@ -106,8 +98,6 @@ class LayoutJudge:
         markers = self._task.everything.markers
         distances = np.linalg.norm(markers - markers[:1], axis=2)
         self._movements: list[float] = np.sqrt((distances**2).mean(axis=1)).tolist()
-        self._cord = device.cord.name
-        self._shares = session_shares(device, self._task.weights)
         kinds = candidate_decoders(device, self._task)
         self._tasks = {kind: self._task.with_decoder(kind) for kind in kinds}
         self.surface = build.surface
@@ -141,7 +131,7 @@ class LayoutJudge:
             return None
         cords = assumed_cords(self._task, sensors)
         tasks = (self.quick_tasks if quick else {}) or self._tasks
-        task, best = predict_with_best_decoder(tuple(tasks.values()), cords)
+        _, best = predict_with_best_decoder(tuple(tasks.values()), cords)
         p = best.prediction
         if not np.isfinite(p.unseen):
             raise LayoutError(
@@ -149,7 +139,6 @@ class LayoutJudge:
                 code="not-finite",
                 action="Check that they lie inside the body",
             )
-        residuals = expected_residuals(self._cord, TRAINED, len(cords))
         errors, names = {**p.per_state, **p.held_out}, self._task.names
         largest = {pose: k for pose, k in self._largest_states.items() if names[k] in errors}
         return JudgedLayout(
@@ -159,7 +148,6 @@ class LayoutJudge:
             {pose: self._movements[k] for pose, k in largest.items()},
             {pose: best.signals[k] for pose, k in largest.items()},
             best.signals,
-            None if quick else trained_error(task, cords, residuals, self._shares),
         )
 
     def compare(
@@ -189,8 +177,11 @@ class LayoutJudge:
         """Measure lengths, radii, walls and distances, and find broken limits."""
         return verify(sensors, self.surface, self._task.design.limits, self._depth)
 
-    def propose(self, name: str, sensors: Sequence[Sensor], report: Report) -> Sensor:
-        """Find the additional cord that lowers the error most, within a second or two.
+    def proposals(self, name: str, sensors: Sequence[Sensor], report: Report) -> Iterator[Sensor]:
+        """Yield cords to add, each from a search of a second or two, the most accurate first.
+
+        The first search is free; the later ones have other random candidates, planes along the
+        body's faces, or the planes of the cords that stay, whose parts are simpler.
 
         Args:
             name: Name of the new cord.
@@ -201,16 +192,37 @@ class LayoutJudge:
             LayoutError: If the body has no room for another cord.
         """
         fixed = [replace(s, free=frozenset()) for s in sensors]
+        planes = len(distinct_planes([s.plane for s in fixed if s.curve.is_planar]))
+        searches = [(SEED, LayoutSearch(extra=1)), (SEED + 1, LayoutSearch(extra=1))]
+        searches.append((SEED, LayoutSearch(extra=1, normals=face_directions(self.surface))))
+        if planes:
+            searches.append((SEED, LayoutSearch(extra=1, planes=planes)))
+        for k, (seed, search) in enumerate(searches):
+            show = subrange(report, k / len(searches), (k + 1) / len(searches))
+            try:
+                yield replace(
+                    self._propose(fixed, search, seed, show),
+                    name=name,
+                    free=frozenset({"path", "plane"}),
+                )
+            except LayoutError:
+                if k == 0:
+                    raise
+
+    def _propose(
+        self, fixed: Sequence[Sensor], search: LayoutSearch, seed: int, report: Report
+    ) -> Sensor:
+        """Return the best cord of a search with each fast decoder."""
         kinds = [k for k in self._tasks if k != _SLOW_DECODER] or list(self._tasks)
         proposals = []
         for n, kind in enumerate(kinds):
             task = self._tasks[kind]
             show = subrange(report, n / len(kinds), (n + 1) / len(kinds))
-            rng = np.random.default_rng(SEED)
-            layout = optimize_layout(task.design, fixed, rng, show, LayoutSearch(extra=1)).sensors
+            rng = np.random.default_rng(seed)
+            layout = optimize_layout(task.design, fixed, rng, show, search).sensors
             error = predict(task, assumed_cords(task, layout)).prediction.unseen
             proposals.append((error, n, layout[-1]))
-        return replace(min(proposals)[2], name=name, free=frozenset({"path", "plane"}))
+        return min(proposals)[2]
 
     def new_cord(self, name: str) -> Sensor:
         """Create a straight cord along the body, through its middle, in its widest plane.

@@ -10,6 +10,7 @@ import pytest
 
 from defsense_fab.core.machine.local_access import Access
 from defsense_fab.studio.app.studio_app import StudioApp
+from defsense_fab.studio.edits import cords as edits
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.workflow.view import HOST, WebServer
 
@@ -73,6 +74,12 @@ class Studio:
     def show_error(self, error):
         """Show an error in all browsers, as failed work does."""
         self._app.device.session.show_error(error)
+
+    def draw(self, cord, *, replaces):
+        """Draw a cord in place of another one."""
+        session = self._app.device.session
+        session.apply(edits.remove_cord(replaces))
+        session.apply(edits.add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free)))
 
     def close(self):
         """End the studio and all of its work."""

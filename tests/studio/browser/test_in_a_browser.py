@@ -11,6 +11,7 @@ from defsense_fab.core.device.device_file import DEVICE, load_device
 from defsense_fab.core.errors import LayoutError, MeshingError
 from tests.studio.browser.conftest import PHONE, until
 from tests.studio.browser.screens import dismiss_introduction, enter, inspector, step_button
+from tests.support.unmakeable_cord import unmakeable_cord
 
 pytest.importorskip("playwright")
 from playwright.sync_api import expect
@@ -63,7 +64,7 @@ def point(page, name):
 def headline(page):
     """Return the error of the drawn cords, as it is displayed."""
     panel = page.get_by_role("region", name="Expected error and signals")
-    return panel.get_by_text("drawn", exact=False).first
+    return panel.get_by_text("without the cuts", exact=False).first
 
 
 def middle(locator):
@@ -184,8 +185,11 @@ def test_a_cord_is_drawn_by_keys(open_sensors, folder):
     expect(page.get_by_role("radio", name="Select")).to_be_checked()
 
 
-def test_a_broken_limit_is_labeled_at_its_place(open_sensors):
+def test_a_broken_limit_is_labeled_at_its_place(open_sensors, studio):
     page = open_sensors()
+    panel = page.get_by_role("region", name="Expected error and signals")
+    expect(panel.get_by_text("All limits are kept, and the cords can be made")).to_be_visible()
+    expect(panel.get_by_text(re.compile("^[0-9.]+ mm in the parts"))).to_be_visible()
     expect(step_button(page, "Sensors")).to_have_accessible_name(re.compile("done"))
     select(page, "left")
     point(page, "left").click()
@@ -200,6 +204,12 @@ def test_a_broken_limit_is_labeled_at_its_place(open_sensors):
     page.keyboard.press("Escape")
     label.click()
     expect(cord(page, "left")).to_have_attribute("aria-selected", "true")
+    page.keyboard.press("Control+z")
+    studio.draw(unmakeable_cord(), replaces="middle")
+    expect(scene.get_by_role("button", name="Groove cuts a part").first).to_be_visible()
+    broken = panel.get_by_role("list", name="Broken limits")
+    expect(broken.get_by_role("button")).to_have_count(1)
+    expect(step_button(page, "Sensors")).to_have_accessible_name(re.compile("out of date"))
 
 
 def test_what_lies_outside_a_changed_body_is_marked_and_fitted(open_page, studio, folder):

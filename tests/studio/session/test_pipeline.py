@@ -2,7 +2,7 @@
 
 import pytest
 
-from defsense_fab.studio.session.pipeline import Progress, next_action, pipeline
+from defsense_fab.studio.session.pipeline import LimitState, Progress, next_action, pipeline
 
 STAGES = ("body", "mesh", "simulate", "optimize", "fabricate", "report")
 
@@ -11,7 +11,7 @@ def progress(current=(), old=(), **values):
     freshness = {s: "current" if s in current else "old" if s in old else "missing" for s in STAGES}
     defaults = {
         "has_body": True, "poses": 2, "cords": 2, "proposed": 0, "can_move": True,
-        "has_violations": False, "misfit": "",
+        "limits": LimitState(), "misfit": "",
         "is_optimized": False, "noun": "cord", "has_model": False,
     }  # fmt: skip
     return Progress(freshness=freshness, **{**defaults, **values})
@@ -30,7 +30,7 @@ def states(p):
         (progress((), STAGES, misfit="1 region lies outside the body"), "poses", None),
         (progress(STAGES[:3], cords=0), "sensors", None),
         (progress(STAGES[:3], cords=0, proposed=2), "optimize", "optimize"),
-        (progress(STAGES[:3], has_violations=True), "sensors", None),
+        (progress(STAGES[:3], limits=LimitState(is_broken=True)), "sensors", None),
         (progress(STAGES[:3]), "optimize", "optimize"),
         (progress(STAGES[:4]), "make", "report"),
         (progress(STAGES), "measure", None),
@@ -67,9 +67,16 @@ def test_region_outside_the_body_makes_the_poses_stale():
 
 
 def test_broken_limit_makes_the_sensors_stale():
-    assert states(progress(STAGES[:3], has_violations=True))["sensors"] == "stale"
+    assert states(progress(STAGES[:3], limits=LimitState(is_broken=True)))["sensors"] == "stale"
 
 
 def test_cords_taken_from_the_last_search_are_optimized():
     found = states(progress(STAGES[:3], STAGES[3:], is_optimized=True))
     assert (found["optimize"], found["make"]) == ("done", "stale")
+
+
+def test_cords_that_are_being_checked_are_not_done():
+    limits = LimitState(is_being_checked=True)
+    found = pipeline(progress(STAGES[:3], limits=limits))
+    assert states(progress(STAGES[:3], limits=limits))["sensors"] == "ready"
+    assert found.next == pipeline(progress(STAGES[:3])).next

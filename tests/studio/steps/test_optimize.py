@@ -103,7 +103,7 @@ def test_the_best_layout_of_a_search_is_published_used_and_undone(app):
     search = server.events[messages.Search]
     assert (search.state, search.current_cords) == ("ended", [])
     app.browser.ask("use-best")
-    best = step.watch.record.best.sensors
+    best = step.watch.make_best()[-1].sensors  # the best of all may not be makeable
     for a, b in zip(session.device.sensors, best, strict=True):
         np.testing.assert_allclose(a.curve.points, b.curve.points, atol=1e-3)
     session.project.undo()

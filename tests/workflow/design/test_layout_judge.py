@@ -7,8 +7,7 @@ import pytest
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.optimization.prediction.as_built import assumed_cords
-from defsense_fab.optimization.prediction.predict import predict, trained_error
-from defsense_fab.sensing.memory_residual import MemoryResidual
+from defsense_fab.optimization.prediction.predict import predict
 from defsense_fab.store.build import Build
 from defsense_fab.workflow.design.layout_judge import LayoutJudge
 from tests.runtime.live.conftest import live_bar as live_bar_fixture
@@ -47,20 +46,6 @@ def test_the_best_of_the_fast_decoders_is_taken(judge, live_bar):
     assert len(errors) > 1
     judged = judge.judge(sensors, quick=True)
     assert (judged.error, judged.decoder) == (min(errors.values()), min(errors, key=errors.get))
-
-
-def test_without_memory_the_error_after_training_is_that_of_the_design(judge, live_bar):
-    cords = assumed_cords(judge.task, load_device(live_bar.folder).sensors)
-    without = MemoryResidual("none", 0.0, 0.0, 0.0)
-    for task in judge.quick_tasks.values():
-        error = predict(task, cords).prediction.unseen
-        assert trained_error(task, cords, [without]) == pytest.approx(error)
-
-
-def test_the_error_after_training_is_not_computed_quickly(judge, live_bar):
-    sensors = load_device(live_bar.folder).sensors
-    assert judge.judge(sensors).trained > 0
-    assert judge.judge(sensors, quick=True).trained is None
 
 
 def test_no_cords_have_no_prediction(judge):

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from ....core.device.device import Device, Sensor
 from ....core.errors import DefsenseError
 from ....workflow.build.results import Build
-from ....workflow.design.compare_layouts import DRAWN, VISUAL, ComparedLayout
+from ....workflow.design.compare_layouts import DRAWN, VISUAL, ComparedLayout, tried_as
+from ....workflow.design.cord_trial import CordTrial
 from ....workflow.design.layout_judge import LayoutJudge
 from ....workflow.fabrication.print_time import print_hours
 from ...edits.edit import free_name
@@ -30,11 +31,13 @@ class RowContext:
         device: The device.
         judge: Measures cords; None until the poses are simulated.
         volume: Volume of the body, mm^3; None if there is no body.
+        trial: The drawn cords with their parts on trial; None if these are not made.
     """
 
     device: Device
     judge: LayoutJudge | None
     volume: float | None
+    trial: CordTrial | None = None
 
 
 def without_outdated(
@@ -71,15 +74,27 @@ def earlier_layouts(
     return [replace(x, is_built=False, name=n) for x, n in zip(kept, names, strict=True)]
 
 
-def compared_drawn(context: RowContext, layouts: Sequence[ComparedLayout]) -> ComparedLayout | None:
-    """Return the drawn cords as a layout; None if they are those of one of the layouts.
+def with_drawn(context: RowContext, layouts: Sequence[ComparedLayout]) -> list[ComparedLayout]:
+    """Return the layouts with the drawn cords first, if they are not those of a layout.
 
-    Numbers of parts that were made on trial are used if these are the cords that were drawn then.
+    The numbers of the drawn cords are those of their parts on trial, which Sensors shows, too.
     """
     sensors = context.device.sensors
-    if not sensors or any(are_same(layout.sensors, sensors) for layout in layouts):
-        return None
-    error, trained = math.nan, None
+    if not sensors:
+        return list(layouts)
+    trial = context.trial
+    same = next((layout for layout in layouts if are_same(layout.sensors, sensors)), None)
+    if same is not None:
+        if trial is None or same.is_built:
+            return list(layouts)
+        tried = replace(tried_as(same.name, trial), is_studied=same.is_studied)
+        return [tried if layout is same else layout for layout in layouts]
+    return [_judged(context) if trial is None else tried_as(DRAWN, trial), *layouts]
+
+
+def _judged(context: RowContext) -> ComparedLayout:
+    """Return the drawn cords, which were not made on trial, as a layout."""
+    sensors, error = context.device.sensors, math.nan
     if context.judge is not None:
         try:
             judged = context.judge.judge(sensors)
@@ -87,9 +102,23 @@ def compared_drawn(context: RowContext, layouts: Sequence[ComparedLayout]) -> Co
             judged = None
         if judged is not None:
             error = judged.error
-            if judged.trained is not None:
-                trained = (judged.trained, math.nan, math.nan)
-    return ComparedLayout(DRAWN, sensors, error, trained=trained)
+    return ComparedLayout(DRAWN, sensors, error, drawn_error=error)
+
+
+def best_layout(layouts: Sequence[ComparedLayout]) -> tuple[str, str]:
+    """Return the name of the layout to use after a search, or why there is none.
+
+    It is the layout that the build has chosen, if it can be made, else the most accurate that was
+    made on trial.
+    """
+    tried = [layout for layout in layouts if layout.name not in (DRAWN, VISUAL)]
+    chosen = next((layout for layout in tried if layout.is_built), None)
+    if chosen is None:
+        return "", ""
+    if chosen.problem is None:
+        return chosen.name, ""
+    made = [layout for layout in by_error(tried) if layout.problem is None and layout.parts]
+    return (made[0].name, "") if made else ("", chosen.problem)
 
 
 def layout_rows(context: RowContext, layouts: Sequence[ComparedLayout]) -> list[LayoutRow]:
@@ -120,6 +149,7 @@ def _row(context: RowContext, layout: ComparedLayout, is_drawn: bool) -> LayoutR
         role=role,
         is_drawn=is_drawn,
         error=_finite(layout.error),
+        drawn_error=_finite(layout.drawn_error),
         trained=_finite(trained[0]),
         trained_low=_finite(trained[1]),
         trained_high=_finite(trained[2]),

@@ -12,9 +12,11 @@ from ....core.arrays import Float
 from ....core.device.device import Device, Sensor
 from ....core.errors import DefsenseError
 from ....workflow.build.results import Build, last_build
+from ....workflow.design.cord_trial import CordTrial, TrialBench
 from ....workflow.design.layout_judge import JudgedLayout, LayoutJudge
 from ...background.build_job import CandidateLayout
 
+_MAX_BESTS = 6  # that may be made on trial
 _MAX_CURVE_POINTS = 1200  # above which every other point is removed
 
 
@@ -25,10 +27,12 @@ class SearchRecord:
     Attributes:
         best: The best layout that keeps every limit, or None.
         judged: Prediction for the best layout, or None.
+        bests: The best layout and those that were it before, the last one first.
     """
 
     best: CandidateLayout | None = None
     judged: JudgedLayout | None = None
+    bests: list[CandidateLayout] = field(default_factory=list)
     _rows: list[tuple[float, float, float]] = field(default_factory=list)
     _started_at: float = 0.0
 
@@ -47,6 +51,7 @@ class SearchRecord:
         is_best = candidate.is_best and (self.judged is None or judged.error < self.judged.error)
         if is_best:
             self.best, self.judged = candidate, judged
+            self.bests = [candidate, *self.bests][:_MAX_BESTS]
         best_error = math.nan if self.judged is None else self.judged.error
         if not self._rows:
             self._started_at = candidate.seconds
@@ -84,16 +89,28 @@ class SearchRun:
     def load(self, candidate: CandidateLayout) -> LayoutJudge:
         """Return the judge of this build's poses, which may be newer than those of the page."""
         if self.judge is None:
-            folder = candidate.folder
-            build = Build(folder) if folder.exists() else last_build(self.device)
-            self.judge = LayoutJudge(self.device, build)
+            self.judge = LayoutJudge(self.device, self._build(candidate))
             self.drawn = judge_candidate(self.judge, self.device.sensors)
         return self.judge
+
+    def make_best(self) -> list[CordTrial]:
+        """Make the best layouts on trial until one can be made; return all trials."""
+        trials: list[CordTrial] = []
+        for candidate in list(self.record.bests):
+            bench = TrialBench(self.device, self._build(candidate))
+            trials.append(bench.make(candidate.sensors))
+            if trials[-1].problem is None:
+                break
+        return trials
+
+    def _build(self, candidate: CandidateLayout) -> Build:
+        folder = candidate.folder
+        return Build(folder) if folder.exists() else last_build(self.device)
 
 
 def judge_candidate(judge: LayoutJudge, sensors: Sequence[Sensor]) -> JudgedLayout | None:
     """Return the prediction, or None: during a descent cords may leave the body."""
     try:
-        return judge.judge(sensors, quick=True)
+        return judge.judge(sensors)
     except DefsenseError:
         return None

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ....workflow.design.cord_trial import CordTrial
 from ...background.build_job import CandidateLayout
 from ...background.latest_worker import LatestWorker
 from ...messages.optimize import Search, SearchedPose
@@ -49,6 +50,10 @@ class SearchWatch:
     def record(self) -> SearchRecord:
         """Results of the current or last search."""
         return self._run.record
+
+    def make_best(self) -> list[CordTrial]:
+        """Make the best layouts on trial until one can be made; return all trials."""
+        return self._run.make_best()
 
     def end(self) -> None:
         """Keep only the best cords; the search has ended."""

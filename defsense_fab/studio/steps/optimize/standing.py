@@ -20,10 +20,13 @@ class Facts:
         is_searching: Whether a search runs.
         best: Error of the best cords of the search that runs, mm; None before they are found.
         drawn: Error of the drawn cords, mm; None if it cannot be predicted.
+        is_drawn_in_parts: Whether this is the error in their parts, not that without the cuts.
         built: Error of the cords of the last build or search, mm; None without one.
         is_built_drawn: Whether the drawn cords are those.
         is_built_moved: Whether a search has moved or added those.
         is_current: Whether nothing has changed since the search.
+        best_layout: Name of the layout to use after a search; empty for none.
+        best_problem: Why none can be made; empty if one can.
     """
 
     noun: str
@@ -38,6 +41,9 @@ class Facts:
     is_built_drawn: bool
     is_built_moved: bool
     is_current: bool
+    is_drawn_in_parts: bool = False
+    best_layout: str = ""
+    best_problem: str = ""
 
 
 def optimize_state(facts: Facts) -> OptimizeState:
@@ -48,8 +54,11 @@ def optimize_state(facts: Facts) -> OptimizeState:
         text=text,
         obstacle=_obstacle(facts),
         drawn=facts.drawn,
+        is_drawn_in_parts=facts.is_drawn_in_parts,
         built=facts.built,
         is_built_moved=facts.is_built_moved,
+        best_layout=facts.best_layout,
+        best_problem=facts.best_problem,
     )
 
 
@@ -68,11 +77,11 @@ def _obstacle(f: Facts) -> str:
 
 
 def _standing(f: Facts) -> tuple[str, str]:
-    cords, drawn = f"{f.noun}s", _mm(f.drawn)
+    cords, drawn = f"{f.noun}s", _drawn(f)
     if f.is_searching:
         start = f"No {cords} within all limits are found yet"
         if f.best is not None:
-            start = f"The best {cords} so far have {_mm(f.best)}"
+            start = f"The best {cords} so far have {_mm(f.best)} without the cuts"
         return "searching", f"{start}; the drawn {cords} have {drawn}." if drawn else f"{start}."
     if not f.has_poses:
         return "not-ready", f"Add a pose before you optimize the {cords}."
@@ -105,6 +114,12 @@ def _before_a_search(f: Facts, cords: str, error: str) -> tuple[str, str]:
     first = f"The {cords} are not optimized.{expected}"
     simulated = "" if expected or f.is_simulated else " The poses are simulated first."
     return "never-searched", first + simulated
+
+
+def _drawn(f: Facts) -> str:
+    if f.drawn is None or f.is_drawn_in_parts:
+        return _mm(f.drawn)
+    return f"{_mm(f.drawn)} without the cuts"
 
 
 def _mm(error: float | None) -> str:

@@ -20,6 +20,7 @@ from ...background.latest_worker import LatestWorker
 from ...edits.cords import take_cords, unlock_cords
 from ...messages import optimize as messages
 from ...session.built_cords import built_cords, can_move_cords
+from ...session.cord_check import CordCheck
 from ...session.device_session import DeviceSession
 from ...session.job_strip import Work
 from ...session.step import Handler, Step
@@ -28,11 +29,12 @@ from .error_map import ErrorMap
 from .ghost_cords import are_same
 from .layout_rows import (
     RowContext,
+    best_layout,
     body_volume,
-    compared_drawn,
     earlier_layouts,
     is_complete,
     layout_rows,
+    with_drawn,
     without_outdated,
 )
 from .search_watch import SearchWatch
@@ -50,6 +52,7 @@ class OptimizeStep(Step):
 
     Args:
         session: The device.
+        check: Makes the drawn cords on trial.
         on_optimized: Called with whether the drawn cords are those that the last search found.
 
     Attributes:
@@ -60,9 +63,14 @@ class OptimizeStep(Step):
     """
 
     def __init__(
-        self, session: DeviceSession, on_optimized: Callable[[bool], None] = _ignore
+        self,
+        session: DeviceSession,
+        check: CordCheck,
+        on_optimized: Callable[[bool], None] = _ignore,
     ) -> None:
         super().__init__(session)
+        self._check = check
+        check.on_result.append(lambda: self._worker.give(None))
         self._on_optimized = on_optimized
         self.watch = SearchWatch(session, self._publish_state)
         self.layouts: list[ComparedLayout] = []
@@ -72,7 +80,8 @@ class OptimizeStep(Step):
         self._map = ErrorMap()
         self._lock = threading.RLock()
         self._digest: str | None = None  # of the layout that is compared
-        self._drawn_error: float | None = None
+        self._drawn_row: messages.LayoutRow | None = None
+        self._best = "", ""  # layout to use, and why there is none
         self._worker = LatestWorker[None](self._publish_layouts, session.show_error)
         self._reader = LatestWorker[None](self._read_build, session.show_error)
 
@@ -122,19 +131,29 @@ class OptimizeStep(Step):
                 code="no-layout",
                 action="Choose another layout",
             )
+        if layout.problem is not None:
+            raise _not_makeable(f"the layout {request.name!r} cannot be made", layout.problem)
         self._use(layout.sensors, f"use the layout `{request.name}`")
 
     def _use_best(self, _: Client, __: messages.UseBest) -> None:
-        best = self.watch.record.best
-        if best is None:
+        if self.watch.record.best is None:
             raise LayoutError(
                 "no cords within all limits are found yet",
                 code="no-cords-found",
                 action="Wait until some are found",
             )
+        trials = self.watch.make_best()
+        best = trials[-1]
+        if best.problem is not None:
+            raise _not_makeable("the best cords so far cannot be made", best.problem.text)
         if self.watch.search.state == "running":
             self.session.jobs.cancel()
         self._use(best.sensors, "use the best cords of the search")
+        if len(trials) > 1:
+            self.session.notify(
+                f"The best cords so far cannot be made: these have {best.drawn_error:.2f} mm in"
+                f" place of {trials[0].drawn_error:.2f} mm without the cuts"
+            )
 
     def _use(self, sensors: Sequence[Sensor], name: str) -> None:
         self.session.taken_layouts.append(tuple(sensors))
@@ -186,17 +205,17 @@ class OptimizeStep(Step):
 
     def _publish_layouts(self, _: None) -> None:
         session = self.session
-        context = RowContext(session.device, session.judge, body_volume(session.results))
+        trial = self._check.result(session.device.sensors)
+        context = RowContext(session.device, session.judge, body_volume(session.results), trial)
         with self._lock:
             self.layouts = without_outdated(self.layouts, session.device.sensors)
             layouts = list(self.layouts)
             self._earlier = earlier_layouts(self._earlier, layouts, ())
             earlier = earlier_layouts(self._earlier, (), session.device.sensors)
-        as_drawn = compared_drawn(context, layouts)
-        if as_drawn is not None:
-            layouts.insert(0, as_drawn)
+        layouts = with_drawn(context, layouts)
+        self._best = best_layout(layouts)
         rows = [*layout_rows(context, layouts), *layout_rows(context, earlier)]
-        self._drawn_error = next((row.error for row in rows if row.is_drawn), None)
+        self._drawn_row = next((row for row in rows if row.is_drawn), None)
         self.rows = messages.Layouts(
             rows=rows, compare_seconds=self._compare_seconds(layouts), obstacle=self._obstacle()
         )
@@ -207,7 +226,8 @@ class OptimizeStep(Step):
         session, search = self.session, self.watch.search
         device, built = session.device, built_cords(session.results)
         is_drawn = built is not None and are_same(built.sensors, device.sensors)
-        is_searching = search.state == "running"
+        is_searching, row = search.state == "running", self._drawn_row
+        drawn = row.error if row is not None else None
         self.state = optimize_state(
             Facts(
                 noun=device.cord.noun,
@@ -217,11 +237,14 @@ class OptimizeStep(Step):
                 is_simulated=session.freshness.get("simulate") == "current",
                 is_searching=is_searching,
                 best=search.best,
-                drawn=search.drawn if is_searching else self._drawn_error,
+                drawn=search.drawn if is_searching else drawn,
+                is_drawn_in_parts=not is_searching and row is not None and row.parts is not None,
                 built=None if built is None else built.error,
                 is_built_drawn=is_drawn,
                 is_built_moved=built is not None and built.is_moved,
                 is_current=session.freshness.get("optimize") == "current",
+                best_layout=self._best[0],
+                best_problem=self._best[1],
             )
         )
         session.server.publish(self.state)
@@ -243,3 +266,7 @@ class OptimizeStep(Step):
             return round_time(estimate_seconds(self.session.device, self.session.results))
         except (DefsenseError, OSError):  # a build replaces it
             return 0
+
+
+def _not_makeable(what: str, reason: str) -> LayoutError:
+    return LayoutError(f"{what}: {reason.rstrip('.')}", code="layout-not-makeable")

@@ -1236,7 +1236,7 @@ export interface UploadedSurface {
   id: number;
 }
 /**
- * End the search if it runs, and replace the drawn cords by its best ones.
+ * End the search if it runs, and replace the drawn cords by its best ones that can be made.
  */
 export interface UseBest {
   kind: "use-best";
@@ -2009,7 +2009,8 @@ export interface Layouts {
  *         name: Unique name of the layout.
  *         role: Which layout it is; the numbers of an earlier one are of an earlier design.
  *         is_drawn: Whether the drawn cords are those of the layout.
- *         error: Error in unseen states, mm.
+ *         error: Expected error in its parts if `parts` is known, else without the cuts, mm.
+ *         drawn_error: Expected error without the cuts of the parts, mm.
  *         trained: Error expected after training, with the memory of the cords, mm.
  *         trained_low: Lower limit of the range of 90 % of built devices, mm.
  *         trained_high: Upper limit of this range, mm.
@@ -2026,6 +2027,7 @@ export interface LayoutRow {
   role: "built" | "by-eye" | "candidate" | "drawn" | "earlier" | "studied";
   isDrawn: boolean;
   error: number | null;
+  drawnError: number | null;
   trained: number | null;
   trainedLow: number | null;
   trainedHigh: number | null;
@@ -2417,8 +2419,13 @@ export interface Notice {
  *         text: The sentence.
  *         obstacle: Why no search can start, or why it would find the same; empty if one can.
  *         drawn: Expected error of the drawn cords, mm; None if it cannot be predicted.
+ *         is_drawn_in_parts: Whether this is the error in their parts; else it is that without the
+ *             cuts, as their parts were not made on trial or cannot be made.
  *         built: Expected error of the cords of the last build or search, mm; None without one.
  *         is_built_moved: Whether a search has moved or added those.
+ *         best_layout: Name of the layout to use after a search: the chosen one, or the most accurate
+ *             that can be made; empty for none.
+ *         best_problem: Why none can be made; empty if one can.
  */
 export interface OptimizeState {
   kind: "optimize-state";
@@ -2426,8 +2433,11 @@ export interface OptimizeState {
   text: string;
   obstacle: string;
   drawn: number | null;
+  isDrawnInParts: boolean;
   built: number | null;
   isBuiltMoved: boolean;
+  bestLayout: string;
+  bestProblem: string;
 }
 /**
  * Which page is shown.
@@ -2672,8 +2682,8 @@ export interface PoseWarning {
  *         is_computing: Whether `drawn` belongs to earlier cords, and is computed again.
  *         drawn: Judgement of the drawn cords; None if not ready.
  *         drawn_problem: Why it is missing.
+ *         check: Whether they can be made.
  *         built: Error of the cords of the last build, mm; None without a build.
- *         built_in_use: Their error in use, mm; None without a build.
  *         is_built_drawn: Whether the built cords are the drawn ones.
  */
 export interface Prediction {
@@ -2683,8 +2693,8 @@ export interface Prediction {
   isComputing: boolean;
   drawn: Judgement | null;
   drawnProblem: Problem | null;
+  check: PartsCheck;
   built: number | null;
-  builtInUse: number | null;
   isBuiltDrawn: boolean;
 }
 /**
@@ -2692,8 +2702,6 @@ export interface Prediction {
  *
  *     Attributes:
  *         error: Expected error, mm; None without cords, or if it cannot be predicted.
- *         trained: Error in use (after training, with the memory of the cords), mm; None if not
- *             computed.
  *         decoder: The decoder.
  *         poses: Expectations by pose.
  *         cords: Numbers of the cords.
@@ -2702,7 +2710,6 @@ export interface Prediction {
  */
 export interface Judgement {
   error: number | null;
-  trained: number | null;
   decoder: string;
   poses: PoseError[];
   cords: CordNumbers[];
@@ -2753,6 +2760,24 @@ export interface Violation {
   text: string;
   cords: string[];
   at: number[];
+}
+/**
+ * Whether the drawn cords can be made, and what they sense in their parts.
+ *
+ *     Attributes:
+ *         state: Whether that is not known, being checked, or known.
+ *         problem: Why they cannot be made.
+ *         error: Expected error with the grooves of the parts, mm; None if it is not known.
+ *         in_use: Error in use, mm: its median, and the limits of 90 % of built devices; empty if it
+ *             is not known.
+ *         parts: Number of parts.
+ */
+export interface PartsCheck {
+  state: "checking" | "failed" | "none" | "passed";
+  problem: Violation | null;
+  error: number | null;
+  inUse: number[];
+  parts: number | null;
 }
 /**
  * How far the search for another cord is.

@@ -1,7 +1,7 @@
 // The scene of the device's page: it shows body and cords, and reports what is clicked in it.
 import { effect, signal } from "@preact/signals";
 import { cordMenu } from "../shell/cord-commands";
-import { connection, device, prediction } from "../state/connection";
+import { brokenPlaces, connection, device } from "../state/connection";
 import {
   clearSelection,
   hovered,
@@ -60,7 +60,7 @@ export function openStage(host: HTMLElement): () => void {
         device.value?.cordRadius ?? 1,
       );
     }),
-    effect(() => shown.cords.setBroken(prediction.value?.drawn?.broken ?? [])),
+    effect(() => shown.cords.setBroken(brokenPlaces.value)),
     effect(() => {
       void selection.value;
       shown.cords.setSelected(new Set(selectedNames("cord")));

@@ -1,7 +1,7 @@
 // The question which cords the parts contain, if a build would move the drawn ones.
 import { useId } from "preact/hooks";
 import { isAskingForCords, startBuild } from "../state/building";
-import { connection, device } from "../state/connection";
+import { connection, device, prediction } from "../state/connection";
 import { run } from "../state/run";
 import { enterStep } from "../state/step";
 import { Dialog } from "../ui/dialog";
@@ -14,7 +14,10 @@ export function CordQuestion() {
   if (!isOpen || !device.value) return null;
   const { drawn = null, built = null, standing: code, obstacle = "" } = standing.value ?? {};
   const found = layouts.value?.rows.find(({ role }) => role === "built");
-  const hasFound = code === "drawn-differ" && Boolean(standing.value?.isBuiltMoved) && found;
+  const canBuild = found !== undefined && !found.problem;
+  const hasFound = code === "drawn-differ" && Boolean(standing.value?.isBuiltMoved) && canBuild;
+  const problem = prediction.value?.check.problem?.text;
+  const place = standing.value?.isDrawnInParts ? "in the parts" : "without the cuts";
   const nouns = `${device.value.noun}s`;
   return (
     <Dialog title={`Which ${nouns} should the parts contain?`} onClose={close}>
@@ -24,13 +27,17 @@ export function CordQuestion() {
       <div class="choice-list">
         <Choice
           title={`Build these ${nouns} as drawn`}
-          text={`${expected(drawn)}They are locked: nothing moves them, and none is added.`}
+          text={
+            problem
+              ? `They cannot be made: ${problem}`
+              : `${expected(drawn, place)}They are locked: nothing moves them, and none is added.`
+          }
           onChoose={() => void startBuild("report", "as-drawn")}
         />
         {hasFound && (
           <Choice
             title={`Build the optimized ${nouns}`}
-            text={`${expected(built)}They replace the drawn ${nouns}; Undo brings those back.`}
+            text={`${expected(built, "in the parts")}They replace the drawn ${nouns}; Undo brings those back.`}
             onChoose={() => void buildLayout(found.name)}
           />
         )}
@@ -77,5 +84,5 @@ async function buildLayout(name: string): Promise<void> {
   if (answer !== undefined) await startBuild("report");
 }
 
-const expected = (error: number | null): string =>
-  error === null ? "" : `Expected error ${error.toFixed(2)} mm. `;
+const expected = (error: number | null, place: string): string =>
+  error === null ? "" : `Expected error ${error.toFixed(2)} mm ${place}. `;

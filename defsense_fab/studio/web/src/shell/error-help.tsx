@@ -7,8 +7,8 @@ const ERRORS: readonly [name: string, meaning: string][] = [
     "How far the sensed surface is from the true one (root mean square), in simulated deformations that cords and decoder were not fitted to, with the noise of the readings. Sensors, Optimize, Make and the report show this number.",
   ],
   [
-    "Drawn, optimized, in the parts",
-    "The same number for the cords in Sensors, for those that Optimize has found, and for those that the parts contain. For the last two, the parts were made on trial: cuts and joints are included.",
+    "Without the cuts, in the parts",
+    "Without the cuts is computed at once, for the paths of the cords alone; the optimizer compares these numbers. In the parts also contains what the parts change: grooves, pockets and strain relief. For it the parts are made on trial, which also shows whether they can be made.",
   ],
   [
     "Error in use",

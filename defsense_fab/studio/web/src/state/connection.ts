@@ -1,6 +1,7 @@
 // The connection of this page, and the events that most components read.
 import { computed } from "@preact/signals";
 import { Connection } from "../protocol/connection";
+import type { Violation } from "../protocol/messages";
 import { nameFields, readProblems } from "./page-words";
 
 const scheme = location.protocol === "https:" ? "wss" : "ws";
@@ -29,10 +30,24 @@ export const misfitTexts = computed(
   () => new Map((bodyFit.value?.misfits ?? []).map(({ kind, name, text }) => [`${kind}:${name}`, text])),
 );
 
-/** Texts of the broken limits by the name of the cord that breaks them. */
+/** What is wrong with the drawn cords: broken limits, and why they cannot be made. */
+export const drawnViolations = computed<readonly Violation[]>(() => {
+  const { drawn = null, check } = prediction.value ?? {};
+  return [...(drawn?.violations ?? []), ...(check?.problem ? [check.problem] : [])];
+});
+
+/** Places (b, 3) where the drawn cords are shown as broken, mm: all of those that cannot be made. */
+export const brokenPlaces = computed<number[][]>(() => {
+  const { drawn = null, check } = prediction.value ?? {};
+  const failed = check?.problem?.cords ?? [];
+  const paths = (device.value?.cords ?? []).filter(({ name }) => failed.includes(name));
+  return [...(drawn?.broken ?? []), ...paths.flatMap(({ path }) => path)];
+});
+
+/** Texts of what is wrong by the name of the cord. */
 export const violationsByCord = computed(() => {
   const texts = new Map<string, string[]>();
-  for (const violation of prediction.value?.drawn?.violations ?? []) {
+  for (const violation of drawnViolations.value) {
     for (const cord of violation.cords) {
       texts.set(cord, [...(texts.get(cord) ?? []), violation.text]);
     }

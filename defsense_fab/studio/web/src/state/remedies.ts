@@ -35,7 +35,9 @@ function canSuggest(field: string, value: number): boolean {
 
 /** The button for a problem, or null. */
 export function remedyOf({ code, cord, field, text, suggestion }: Problem): Remedy | null {
-  if (cord) return { label: `Select ${cord}`, run: () => select({ kind: "cord", name: cord }) };
+  if (cord && device.peek()?.cords.some(({ name }) => name === cord)) {
+    return { label: `Show ${cord} in Sensors`, run: () => showCord(cord) };
+  }
   const known = BY_CODE[code];
   if (known) return known;
   const label = fieldLabel(field);
@@ -48,6 +50,11 @@ export function remedyOf({ code, cord, field, text, suggestion }: Problem): Reme
   if (code === "no-room-for-cords") return DRAW;
   const shown = label ? { key: field, label } : findField(text);
   return shown && { label: `Show “${shown.label}”`, run: () => showField(shown.key) };
+}
+
+function showCord(name: string): void {
+  enterStep("sensors");
+  select({ kind: "cord", name });
 }
 
 const FRAMES = 20; // in which the step appears

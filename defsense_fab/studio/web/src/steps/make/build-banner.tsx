@@ -56,7 +56,7 @@ function PartErrors({ state: { error, inUse } }: { state: MakeState }) {
     <dl class="fact-list make-errors">
       <div>
         <dt>
-          Expected error
+          Expected error, in the parts
           <ErrorHelp />
         </dt>
         <dd>{error.toFixed(2)} mm</dd>

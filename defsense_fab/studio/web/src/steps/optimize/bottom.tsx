@@ -82,7 +82,7 @@ function Comparison() {
         <Scatter
           dots={dots}
           xTitle={dots.length < rows.value.length ? `${title}, known for ${dots.length} of ${rows.value.length}` : title}
-          yTitle="Expected error, mm"
+          yTitle={`Expected error ${PLACES[cost.value]}, mm`}
           areCounts={cost.value !== "hours"}
           onChoose={choose}
           onHover={(name) => (hoveredName.value = name)}
@@ -101,15 +101,23 @@ function Comparison() {
   );
 }
 
+/** Which error is compared: layouts without parts have none in them. */
+const PLACES: Record<Cost, string> = {
+  parts: "in the parts",
+  hours: "in the parts",
+  cords: "without the cuts",
+};
+
 function dot(row: LayoutRow, x: number | null): Dot[] {
-  if (x === null || row.error === null) return [];
-  const { name, error, trainedLow: low, trainedHigh: high } = row;
+  const { name, trainedLow: low, trainedHigh: high } = row;
+  const error = cost.value === "cords" ? row.drawnError : row.error;
+  if (x === null || error === null) return [];
   const costs = `${COSTS[cost.value].label.toLowerCase()}: ${x.toFixed(Number.isInteger(x) ? 0 : 1)}`;
   const range = low === null || high === null ? "" : `; in use ${low.toFixed(2)} to ${high.toFixed(2)} mm`;
   return [
     {
       name,
-      label: `${layoutLabel(row)}: ${error.toFixed(2)} mm; ${costs}${range}`,
+      label: `${layoutLabel(row)}: ${error.toFixed(2)} mm ${PLACES[cost.value]}; ${costs}${range}`,
       x,
       y: error,
       tone: dotTone(row),

@@ -3,6 +3,7 @@ import type { ComponentChildren } from "preact";
 import type { OptimizeState } from "../../protocol/messages";
 import { ErrorHelp } from "../../shell/error-help";
 import { startBuild } from "../../state/building";
+import { inPageWords } from "../../state/page-words";
 import { run } from "../../state/run";
 import { connection, device, isJobActive } from "../../state/connection";
 import { Button } from "../../ui/button";
@@ -13,11 +14,14 @@ import { LayoutDetails } from "./layout-details";
 import {
   applyBest,
   applyLayout,
+  bestRow,
   chosen,
+  differs,
   isSearching,
-  rows,
   search,
   standing,
+  useBestLabel,
+  useHint,
 } from "./state";
 import { mainVariant } from "../../state/step";
 
@@ -62,12 +66,13 @@ function Standing() {
   );
 }
 
-function Numbers({ state: { drawn, built, isBuiltMoved } }: { state: OptimizeState }) {
+function Numbers({ state }: { state: OptimizeState }) {
+  const { drawn, isDrawnInParts, built, isBuiltMoved } = state;
   if (drawn === null && built === null) return null;
   return (
     <ErrorNumbers>
-      <Number label="Drawn" error={drawn} tone="drawn" />
-      {isBuiltMoved && <Number label="Optimized" error={built} tone="built" />}
+      <Number label={isDrawnInParts ? "Drawn, in the parts" : "Drawn, without the cuts"} error={drawn} tone="drawn" />
+      {isBuiltMoved && <Number label="Optimized, in the parts" error={built} tone="built" />}
     </ErrorNumbers>
   );
 }
@@ -88,8 +93,8 @@ function SearchNumbers() {
   const { best = null, drawn = null } = search.value ?? {};
   return (
     <ErrorNumbers>
-      <Number label="Drawn" error={drawn} tone="drawn" />
-      <Number label="Best so far" error={best} tone="best" />
+      <Number label="Drawn, without the cuts" error={drawn} tone="drawn" />
+      <Number label="Best so far, without the cuts" error={best} tone="best" />
     </ErrorNumbers>
   );
 }
@@ -109,15 +114,16 @@ function Number({ label, error, tone }: { label: string; error: number | null; t
 /** One primary button: use what was found, or search. */
 function Actions() {
   const { obstacle = "", standing: code } = standing.value ?? {};
-  const built = rows.value.find((row) => row.role === "built");
-  const canUseBuilt = code === "drawn-differ" && built !== undefined && !built.isDrawn;
+  const best = bestRow.value;
+  const reason = standing.value?.bestProblem ?? "";
+  const isOffered = differs.value && (best !== null || Boolean(reason));
   const hasBest = search.value?.state !== "none" && Boolean(search.value?.best);
   if (isSearching.value) {
     return (
       <Button
         variant={mainVariant.value}
         disabled={!hasBest}
-        hint={hasBest ? "Stop optimizing and draw the best cords" : "No cords within all limits yet"}
+        hint={hasBest ? "Stop optimizing and draw the best cords that can be made" : "No cords within all limits yet"}
         onClick={() => void applyBest()}
       >
         Use the best so far
@@ -127,17 +133,18 @@ function Actions() {
   const isLocked = (device.value?.cords ?? []).every(({ free }) => free.length === 0);
   return (
     <div class="actions">
-      {canUseBuilt && (
+      {isOffered && (
         <Button
-          variant={chosen.value ? "plain" : "primary"}
-          hint="Draw the optimized cords; Undo restores the drawn ones"
-          onClick={() => void applyLayout(built.name)}
+          variant={chosen.value || !best ? "plain" : "primary"}
+          disabled={!best}
+          hint={best ? useHint(best) : `They cannot be made: ${inPageWords(reason)}`}
+          onClick={() => void (best && applyLayout(best.name))}
         >
-          Use the optimized cords
+          {useBestLabel()}
         </Button>
       )}
       <Button
-        variant={canUseBuilt || code === "optimized" || chosen.value ? "plain" : "primary"}
+        variant={(isOffered && best) || code === "optimized" || chosen.value ? "plain" : "primary"}
         disabled={Boolean(obstacle) || isJobActive.value}
         hint={
           isJobActive.value
@@ -157,8 +164,8 @@ function Actions() {
           Unlock all
         </Button>
       )}
-      {hasBest && code !== "optimized" && code !== "locked" && !canUseBuilt && (
-        <Button hint="Draw the best cords that were found" onClick={() => void applyBest()}>
+      {hasBest && code !== "optimized" && code !== "locked" && !isOffered && (
+        <Button hint="Draw the best cords that were found and can be made" onClick={() => void applyBest()}>
           Use the best so far
         </Button>
       )}

@@ -2,15 +2,18 @@ import type { LayoutRow } from "../../protocol/messages";
 import { inPageWords } from "../../state/page-words";
 import { Button } from "../../ui/button";
 import { Icon } from "../../ui/icons";
-import { applyLayout, layoutLabel, mm } from "./state";
+import { applyLayout, inParts, layoutLabel, mm, useHint } from "./state";
 import { mainVariant } from "../../state/step";
+
+const unit = (value: number | null): string => (value === null ? "not computed" : `${mm(value)} mm`);
 
 /** The numbers and the notes of a layout, and the button that uses it. */
 export function LayoutDetails({ row }: { row: LayoutRow }) {
   const { trained, trainedLow, trainedHigh, printHours, length, problem, notes } = row;
   const range = trainedLow === null ? "" : ` (90 %: ${mm(trainedLow)} to ${mm(trainedHigh)})`;
   const facts: [string, string][] = [
-    ["Expected error", `${mm(row.error)} mm`],
+    ["Expected error, without the cuts", unit(row.drawnError)],
+    ["Expected error, in the parts", inParts(row)],
     ["Error in use", trained === null ? "not computed" : `${mm(trained)} mm${range}`],
     ["Parts", row.parts === null ? "not computed" : String(row.parts)],
     ["Print time", printHours === null ? "no estimate" : `about ${printHours.toFixed(0)} h`],
@@ -40,8 +43,8 @@ export function LayoutDetails({ row }: { row: LayoutRow }) {
       )}
       <Button
         variant={mainVariant.value}
-        disabled={row.isDrawn}
-        hint={row.isDrawn ? "These are the drawn cords" : "Draw these cords; Undo restores the drawn ones"}
+        disabled={row.isDrawn || Boolean(problem)}
+        hint={useHint(row)}
         onClick={() => void applyLayout(row.name)}
       >
         Use this

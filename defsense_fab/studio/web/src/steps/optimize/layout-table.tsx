@@ -4,7 +4,17 @@ import { Button } from "../../ui/button";
 import { tooltip } from "../../ui/tooltip";
 import { Table } from "../../ui/table";
 import type { Tone } from "./charts/scatter";
-import { applyLayout, choose, chosenName, layoutLabel, layoutName, mm, rows } from "./state";
+import {
+  applyLayout,
+  choose,
+  chosenName,
+  inParts,
+  layoutLabel,
+  layoutName,
+  mm,
+  rows,
+  useHint,
+} from "./state";
 
 /** All layouts side by side, with the same numbers for each. */
 export function LayoutTable() {
@@ -13,7 +23,8 @@ export function LayoutTable() {
       caption="Layouts; errors in mm"
       columns={[
         { title: "Layout", cell: name },
-        { title: "Expected error", cell: ({ error }) => mm(error), isNumber: true },
+        { title: "Error without cuts", cell: ({ drawnError }) => mm(drawnError), isNumber: true },
+        { title: "Error in parts", cell: inParts, isNumber: true },
         { title: "Parts", cell: parts, isNumber: true },
         { title: "Print time", cell: ({ printHours }) => unit(printHours, 0, "h"), isNumber: true },
         { title: "Error in use (90 %)", cell: trained, isNumber: true },
@@ -64,6 +75,8 @@ function use(row: LayoutRow) {
     <Button
       variant="quiet"
       aria-label={`Use ${layoutLabel(row)}`}
+      disabled={Boolean(row.problem)}
+      hint={useHint(row)}
       onClick={(event) => {
         event.stopPropagation();
         void applyLayout(row.name);

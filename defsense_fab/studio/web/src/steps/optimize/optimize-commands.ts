@@ -4,17 +4,16 @@ import { isJobActive } from "../../state/connection";
 import {
   applyBest,
   applyLayout,
+  bestRow,
   chosen,
   compareLayouts,
+  differs,
   layouts,
-  rows,
   search,
   standing,
   view,
 } from "./state";
 
-const built = () => rows.value.find((row) => row.role === "built");
-const canUseBuilt = () => standing.value?.standing === "drawn-differ" && built()?.isDrawn === false;
 
 export const optimizeCommands = (): readonly Command[] => [
   {
@@ -22,14 +21,14 @@ export const optimizeCommands = (): readonly Command[] => [
     label: "Use the optimized cords",
     hint: "Draw the optimized cords; Undo restores the drawn ones",
     group: "Optimize",
-    when: canUseBuilt,
-    reason: "No optimized cords differ from the drawn ones",
-    run: () => void applyLayout(built()!.name),
+    when: () => differs.value && bestRow.value !== null,
+    reason: () => standing.value?.bestProblem || "No optimized cords differ from the drawn ones",
+    run: () => void applyLayout(bestRow.value!.name),
   },
   {
     id: "optimize.best",
     label: "Use the best so far",
-    hint: "End the search and draw its best cords",
+    hint: "End the search and draw its best cords that can be made",
     group: "Optimize",
     when: () => search.value?.state !== "none" && Boolean(search.value?.best),
     reason: "No search has found cords within all limits",
@@ -39,8 +38,8 @@ export const optimizeCommands = (): readonly Command[] => [
     id: "optimize.use-chosen",
     label: "Use the chosen layout",
     group: "Optimize",
-    when: () => chosen.value !== null,
-    reason: "Choose a layout in the table first",
+    when: () => chosen.value !== null && !chosen.value.problem,
+    reason: () => chosen.value?.problem || "Choose a layout in the table first",
     run: () => void applyLayout(chosen.value!.name),
   },
   {

@@ -2,6 +2,7 @@
 import { computed, effect, signal } from "@preact/signals";
 import type { LayoutRow } from "../../protocol/messages";
 import { connection, job } from "../../state/connection";
+import { inPageWords } from "../../state/page-words";
 import { run } from "../../state/run";
 
 export const standing = connection.event("optimize-state");
@@ -68,6 +69,21 @@ export function layoutLabel(row: LayoutRow): string {
   return row.isDrawn && row.role !== "drawn" ? `${layoutName(row)} (drawn)` : layoutName(row);
 }
 
+/** The layout that the main button uses: the chosen one of the search, or the best that can be made. */
+export const bestRow = computed(() => find(standing.value?.bestLayout ?? null));
+
+/** Whether the optimized cords differ from the drawn ones. */
+export const differs = computed(
+  () => standing.value?.standing === "drawn-differ" && bestRow.value?.isDrawn !== true,
+);
+
+/** What the main button does: use the chosen layout, or another one if that cannot be made. */
+export function useBestLabel(): string {
+  const row = bestRow.value;
+  if (!row || row.role === "built") return "Use the optimized cords";
+  return `Use “${layoutName(row)}”, which can be made`;
+}
+
 export async function applyLayout(name: string): Promise<void> {
   await run(connection.send("use-layout", { name }));
 }
@@ -82,3 +98,15 @@ export async function compareLayouts(): Promise<void> {
 }
 
 export const mm = (value: number | null): string => (value === null ? "–" : value.toFixed(2));
+
+/** The expected error of a layout in its parts, if they were made on trial. */
+export function inParts({ error, parts, problem }: LayoutRow): string {
+  if (problem || parts === null) return "–";
+  return mm(error);
+}
+
+/** What a button that uses a layout does, or why it cannot. */
+export function useHint({ isDrawn, problem }: LayoutRow): string {
+  if (problem) return inPageWords(problem);
+  return isDrawn ? "These are the drawn cords" : "Draw these cords; Undo restores the drawn ones";
+}

@@ -4,6 +4,7 @@ import type { CordNumbers, CordState, Violation } from "../../protocol/messages"
 import { connection } from "../../state/connection";
 import { cordMenu } from "../../shell/cord-commands";
 import { rename } from "../../shell/rename";
+import { inPageWords } from "../../state/page-words";
 import { run } from "../../state/run";
 import { Button } from "../../ui/button";
 import { Icon } from "../../ui/icons";
@@ -13,7 +14,7 @@ import { Section } from "../../ui/section";
 import { SelectField } from "../../ui/select-field";
 import { TextField } from "../../ui/text-field";
 import { limitTitle, showViolation } from "./limit-labels";
-import { isPlaneShown, judgement, selectedPoint } from "./state";
+import { isPlaneShown, judgement, selectedPoint, violations } from "./state";
 
 type Freedom = "path" | "plane" | "offset" | "ends";
 
@@ -29,9 +30,7 @@ const CHOICES: { value: string; label: string; isPlanar?: boolean }[] = [
 ];
 
 export function CordInspector({ cord }: { cord: CordState }) {
-  const violations = (judgement.value?.violations ?? []).filter(({ cords }) =>
-    cords.includes(cord.name),
-  );
+  const ownViolations = violations.value.filter(({ cords }) => cords.includes(cord.name));
   const numbers = judgement.value?.cords.find(({ name }) => name === cord.name);
   return (
     <>
@@ -57,7 +56,7 @@ export function CordInspector({ cord }: { cord: CordState }) {
           }}
         />
       </div>
-      {numbers && <Numbers numbers={numbers} violations={violations} />}
+      {numbers && <Numbers numbers={numbers} violations={ownViolations} />}
       <Section title="Shape" name="cord-shape">
         <PointFields cord={cord} />
         <Actions cord={cord} />
@@ -117,7 +116,7 @@ function LimitButton({ violation }: { violation: Violation }) {
     <button type="button" class="limit" onClick={() => showViolation(violation)}>
       <Icon name="warning" size={14} />
       <span>
-        <strong>{limitTitle(violation)}</strong> {capitalized(violation.text)}
+        <strong>{limitTitle(violation)}</strong> {capitalized(inPageWords(violation.text))}
       </span>
     </button>
   );

@@ -5,7 +5,7 @@ import type { Violation } from "../../protocol/messages";
 import { viewer } from "../../scene/stage";
 import type { Viewer } from "../../scene/viewer";
 import { selection } from "../../state/selection";
-import { draggedJudgement, isDrawing, judgement } from "./state";
+import { draggedJudgement, isDrawing, violations } from "./state";
 
 /** Names of limits, where their places leave little room. */
 const TITLES: Record<string, string> = {
@@ -20,10 +20,15 @@ const TITLES: Record<string, string> = {
   "exit-not-allowed": "Exit not allowed",
   "kept-region-crossed": "Crosses a kept region",
   "kept-region-cut": "Cuts a kept region",
+  "channel-cuts-part": "Groove cuts a part",
+  "overlaps-solid": "Cannot be inserted",
+  "part-too-thin": "Part too thin",
+  "part-too-large": "Part too large for the bed",
+  "cord-stretch-too-short": "Too little cord to stretch",
 };
 
-export function limitTitle({ code, text }: Violation): string {
-  return TITLES[code] ?? text;
+export function limitTitle({ code }: Violation): string {
+  return TITLES[code] ?? "Cannot be made";
 }
 
 /** Select the cords that break a limit, and show where. */
@@ -35,10 +40,10 @@ export function showViolation({ cords, at }: Violation): void {
 /** Show labels where limits are broken; return a function to stop. */
 export function showLimits(scene: Viewer): () => void {
   const stop = effect(() => {
-    const violations = isDrawing.value ? [] : (judgement.value?.violations ?? []);
+    const shown = isDrawing.value ? [] : violations.value;
     scene.labels.set(
       "limits",
-      violations.map((violation, i) => ({
+      shown.map((violation, i) => ({
         id: `limit-${i}`,
         text: limitTitle(violation),
         at: violation.at,

@@ -3,15 +3,14 @@ import { useRef } from "preact/hooks";
 import type { Judgement, PoseError } from "../../protocol/messages";
 import { NextButton } from "../../shell/next-button";
 import { ErrorHelp } from "../../shell/error-help";
-import { connection, device, prediction } from "../../state/connection";
+import { device, prediction } from "../../state/connection";
+import { inPageWords } from "../../state/page-words";
 import { hovered, isSame, isSelected, select } from "../../state/selection";
 import { Icon } from "../../ui/icons";
 import { tooltip } from "../../ui/tooltip";
 import { ErrorBar, roundUp, SignalBar } from "./bars";
 import { limitTitle, showViolation } from "./limit-labels";
-import { draggedJudgement, judgement } from "./state";
-
-const makeState = connection.event("make-state");
+import { draggedJudgement, judgement, violations } from "./state";
 
 /** Share of its movement from which on a pose's error is marked. */
 const HARDLY_SENSED = 0.2;
@@ -51,35 +50,39 @@ function NotReady() {
 }
 
 function Headline() {
-  const { built, builtInUse, isBuiltDrawn } = prediction.value!;
-  const { error = null, trained = null } = judgement.value ?? {};
-  const hasChanged = draggedJudgement.value !== null;
-  const areParts = makeState.value !== null && makeState.value.code !== "not-built";
-  const place = areParts ? "in the parts" : "optimized";
-  const isOne = isBuiltDrawn && !hasChanged; // the same cords have one number
-  const shown = isOne ? built : error;
-  const inUse = isOne ? builtInUse : trained;
+  const { built, isBuiltDrawn, check } = prediction.value!;
+  const error = judgement.value?.error ?? null;
+  const isDragged = draggedJudgement.value !== null;
+  const inParts = isDragged ? null : check.error;
+  const [inUse] = isDragged ? [] : check.inUse;
   return (
     <>
       <div class="headline-row">
         <p class="headline" aria-live="polite">
           <span>
-            <strong>{shown === null ? "No prediction" : `${shown.toFixed(2)} mm`}</strong>{" "}
-            {isOne ? `drawn and ${place}` : "drawn"}
+            <strong>{error === null ? "No prediction" : millimeters(error)}</strong>{" "}
+            {error !== null && "without the cuts"}
           </span>
-          {built !== null && !isOne && (
+          {inParts !== null && (
             <span>
-              <strong>{built.toFixed(2)} mm</strong> {place}
+              <strong>{millimeters(inParts)}</strong> in the parts
             </span>
           )}
         </p>
         <ErrorHelp side="above" />
       </div>
+      {(inUse !== undefined || (built !== null && !isBuiltDrawn)) && (
+        <p class="muted">
+          {inUse !== undefined && `Error in use: ${millimeters(inUse)}. `}
+          {built !== null && !isBuiltDrawn && `Last build, other cords: ${millimeters(built)} in the parts.`}
+        </p>
+      )}
       <WorstPose />
-      {inUse !== null && !hasChanged && <p class="muted">Error in use: {inUse.toFixed(2)} mm</p>}
     </>
   );
 }
+
+const millimeters = (value: number): string => `${value.toFixed(2)} mm`;
 
 /** The pose whose error is the largest share of its movement. */
 function WorstPose() {
@@ -89,7 +92,7 @@ function WorstPose() {
   const isHardlySensed = share(worst) > HARDLY_SENSED;
   return (
     <p class={isHardlySensed ? "problem-text" : "muted"}>
-      {isHardlySensed ? "Hardly sensed" : "Sensed worst"}: {worst.pose}, {worst.error.toFixed(2)} mm of{" "}
+      {isHardlySensed ? "Hardly sensed" : "Sensed worst"}: {worst.pose}, {millimeters(worst.error)} of{" "}
       {worst.movement.toFixed(1)} mm movement ({Math.round(100 * share(worst))} %)
     </p>
   );
@@ -99,17 +102,17 @@ function share({ error, movement }: PoseError): number {
   return error / Math.max(movement, 1e-6);
 }
 
-function Limits({ judgement: { cords, violations } }: { judgement: Judgement }) {
+function Limits({ judgement: { cords } }: { judgement: Judgement }) {
   if (cords.length === 0) return <p class="problem-text">Without {device.value?.noun ?? "cord"}s nothing is sensed.</p>;
-  if (violations.length === 0) return <p class="kept">All limits are kept.</p>;
+  if (violations.value.length === 0) return <Kept />;
   return (
     <ul class="limits" aria-label="Broken limits">
-      {violations.map((violation, i) => (
+      {violations.value.map((violation, i) => (
         <li key={i}>
           <button
             type="button"
             class="limit"
-            {...tooltip(violation.text)}
+            {...tooltip(inPageWords(violation.text))}
             onClick={() => showViolation(violation)}
           >
             <Icon name="warning" size={14} />
@@ -123,6 +126,29 @@ function Limits({ judgement: { cords, violations } }: { judgement: Judgement }) 
   );
 }
 
+/** That no limit is broken, and whether the parts can be made, as far as that is known. */
+function Kept() {
+  const { isReady, check } = prediction.value!;
+  if (draggedJudgement.value) return <p class="muted">The path keeps its limits.</p>;
+  if (check.state === "passed") {
+    const count = check.parts === null ? "" : `, in ${check.parts} parts`;
+    return (
+      <p class="kept" role="status">
+        All limits are kept, and the {device.value?.noun ?? "cord"}s can be made{count}.
+      </p>
+    );
+  }
+  const then = check.state === "checking" ? "Checking the parts …" : "The parts are not checked yet.";
+  return (
+    <p class="muted checking" role="status">
+      {check.state === "checking" && <span class="spinner" aria-hidden="true" />}
+      <span>
+        The paths keep their limits. {isReady ? then : "The parts are checked after the simulation."}
+      </span>
+    </p>
+  );
+}
+
 /** A scale that stays while something is dragged, and fits otherwise. */
 function useScale(largest: number): number {
   const scale = useRef(0);
@@ -131,6 +157,12 @@ function useScale(largest: number): number {
     scale.current = roundUp(largest * 1.05);
   }
   return scale.current || 1;
+}
+
+/** Poses by error, the worst first; their order stays while something is dragged. */
+function sorted(poses: readonly PoseError[]): PoseError[] {
+  const order = new Map((prediction.value?.drawn?.poses ?? poses).map(({ pose, error }) => [pose, error]));
+  return [...poses].sort((a, b) => (order.get(b.pose) ?? 0) - (order.get(a.pose) ?? 0));
 }
 
 function PoseTable({ judgement: { poses } }: { judgement: Judgement }) {
@@ -172,7 +204,7 @@ function PoseTable({ judgement: { poses } }: { judgement: Judgement }) {
         </tr>
       </thead>
       <tbody>
-        {poses.map(({ pose, error, signals: values }) => (
+        {sorted(poses).map(({ pose, error, signals: values }) => (
           <tr key={pose}>
             <th scope="row">{pose}</th>
             <td class="error-column">

@@ -1,9 +1,9 @@
 // What the step Sensors keeps in this browser.
 import { computed, signal } from "@preact/signals";
-import type { CordState, Judgement } from "../../protocol/messages";
+import type { CordState, Judgement, Violation } from "../../protocol/messages";
 import type { DrawingBoard } from "../../scene/drawing-board";
 import type { Frame } from "../../scene/types";
-import { connection, device, prediction } from "../../state/connection";
+import { connection, device, drawnViolations, prediction } from "../../state/connection";
 import { selectedNames } from "../../state/selection";
 
 /** The plane that is drawn in; null while cords are selected and moved. */
@@ -27,6 +27,11 @@ export const draggedJudgement = signal<Judgement | null>(null);
 /** What is expected of the cords as they are shown. */
 export const judgement = computed(
   () => draggedJudgement.value ?? prediction.value?.drawn ?? null,
+);
+
+/** What is wrong with the cords as they are shown. */
+export const violations = computed<readonly Violation[]>(
+  () => draggedJudgement.value?.violations ?? drawnViolations.value,
 );
 
 export const isDrawing = computed(() => drawingFrame.value !== null);

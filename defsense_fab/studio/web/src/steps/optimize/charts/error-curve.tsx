@@ -59,7 +59,7 @@ export function ErrorCurve({ search }: { search: Search }) {
             onKeyDown={step}
             onBlur={() => (cursor.value = null)}
           >
-            <Axes frame={frame} x={x} y={y} xTitle="Work, s" yTitle="Expected error, mm" />
+            <Axes frame={frame} x={x} y={y} xTitle="Work, s" yTitle="Expected error without the cuts, mm" />
             {drawn !== null && (
               <line class="curve-drawn" x1={frame.left} x2={width - frame.right} y1={y.at(drawn)} y2={y.at(drawn)} />
             )}

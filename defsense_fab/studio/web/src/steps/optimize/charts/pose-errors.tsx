@@ -5,7 +5,7 @@ export function PoseErrors({ poses }: { poses: Search["poses"] }) {
   const largest = Math.max(...poses.flatMap(({ drawn, best }) => [drawn ?? 0, best ?? 0]), 1e-9);
   return (
     <table class="pose-errors">
-      <caption>Error by pose, at its largest level</caption>
+      <caption>Error by pose, at its largest level, without the cuts</caption>
       <thead class="visually-hidden">
         <tr>
           <th scope="col">Pose</th>

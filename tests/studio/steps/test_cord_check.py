@@ -1,0 +1,139 @@
+"""Drawn cords are made on trial in the background; what cannot be made is shown and not offered."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from defsense_fab.core.errors import LayoutError
+from defsense_fab.studio.background.build_job import CandidateLayout
+from defsense_fab.studio.edits import cords as edits
+from defsense_fab.studio.messages import optimize
+from defsense_fab.studio.messages.sensors import Prediction
+from defsense_fab.studio.messages.shell import Pipeline
+from defsense_fab.studio.session.cord_check import CordCheck
+from defsense_fab.studio.steps.makeable_proposal import makeable_proposal
+from defsense_fab.studio.steps.optimize.layout_rows import best_layout
+from defsense_fab.workflow.design.compare_layouts import ComparedLayout
+from defsense_fab.workflow.design.layout_judge import LayoutJudge
+from tests.studio.steps.test_optimize import optimize_step
+from tests.support.errors import raises
+from tests.support.unmakeable_cord import unmakeable_cord
+
+LONG_S = 240.0
+
+
+def sensors_step(app):
+    return next(s for s in app.steps if type(s).__name__ == "SensorsStep")
+
+
+def checked(app):
+    """Return the prediction once the drawn cords were made on trial."""
+    assert sensors_step(app).wait(LONG_S)
+    assert app.check.wait(LONG_S)
+    return app.server.events[Prediction]
+
+
+def states(app):
+    return {s.name: s.state for s in app.server.events[Pipeline].steps}
+
+
+def draw_unmakeable(app):
+    """Draw the cord `left` and one that crosses its channel."""
+    app.browser.ask("delete-cords", cords=["middle"])
+    cord = unmakeable_cord()
+    app.session.apply(edits.add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free)))
+    return cord
+
+
+def test_drawn_cords_are_not_called_makeable_before_that_is_known(app):
+    found = checked(app)
+    history = [e.check.state for e in app.server.history if isinstance(e, Prediction)]
+    assert history[0] != "passed"
+    assert "checking" in history
+    assert found.check.state == "passed"
+    assert found.check.error > 0
+    assert len(found.check.in_use) == 3
+    assert states(app)["sensors"] == "done"
+    optimize_step(app)
+    (drawn,) = (row for row in app.server.events[optimize.Layouts].rows if row.is_drawn)
+    assert drawn.error == found.check.error
+    assert drawn.trained == found.check.in_use[0]
+    assert drawn.drawn_error == pytest.approx(found.drawn.error)
+
+
+def test_cords_that_cannot_be_made_are_shown_with_their_place(app):
+    draw_unmakeable(app)
+    found = checked(app)
+    assert found.drawn.violations == []
+    assert found.check.state == "failed"
+    assert found.check.problem.code == "channel-cuts-part"
+    assert set(found.check.problem.cords) <= {"left", "crossing"}
+    assert len(found.check.problem.at) == 3
+    assert states(app)["sensors"] == "stale"
+    optimize_step(app)
+    (drawn,) = (row for row in app.server.events[optimize.Layouts].rows if row.is_drawn)
+    assert drawn.problem == found.check.problem.text
+    with raises(LayoutError, "cords-not-makeable"):
+        app.browser.ask("propose")
+    app.browser.ask("undo")  # known again at once, without another check
+    assert checked(app).check.state == "passed"
+
+
+class OneProposal(LayoutJudge):
+    """A judge that proposes given cords."""
+
+    def __init__(self, *cords):
+        self._cords = cords
+
+    def proposals(self, name, sensors, report):
+        yield from (replace(cord, name=name) for cord in self._cords)
+
+
+def test_the_next_proposal_is_taken_if_one_cannot_be_made(app):
+    checked(app)
+    left, good = app.session.device.sensors[:2]
+    check = CordCheck(app.session)
+    proposed = makeable_proposal(
+        OneProposal(unmakeable_cord(), good), check, (left,), "new", lambda *_: None
+    )
+    assert proposed.plane == good.plane
+    with raises(LayoutError, "no-makeable-proposal") as error:
+        makeable_proposal(OneProposal(unmakeable_cord()), check, (left,), "new", lambda *_: None)
+    assert len(error.value.data["problems"]) == 1
+
+
+def test_only_layouts_that_can_be_made_are_used(app):
+    step = optimize_step(app)
+    left, middle = app.session.device.sensors[:2]
+    bad = (left, unmakeable_cord())
+    layout = ComparedLayout("bad", bad, 0.1, problem="cannot be made")
+    step.layouts.append(layout)
+    with raises(LayoutError, "layout-not-makeable"):
+        app.browser.ask("use-layout", name="bad")
+    for callback in app.session.on_build_started:
+        callback()
+    folder = app.session.project.folder / "build"
+    for sensors in ((left, middle), bad):
+        candidate = CandidateLayout(folder, sensors, 1.0, is_best=True, seconds=1.0)
+        step.watch._run.load(candidate)
+        step.watch.record.bests.insert(0, candidate)
+        step.watch.record.best = candidate
+    app.browser.ask("use-best")
+    assert {s.name for s in app.session.device.sensors} == {left.name, middle.name}
+    step.watch.record.bests[:] = step.watch.record.bests[:1]
+    with raises(LayoutError, "layout-not-makeable"):
+        app.browser.ask("use-best")
+
+
+def test_the_best_layout_that_can_be_made_is_offered():
+    def layout(name, error, **values):
+        return ComparedLayout(name, (), error, **values)
+
+    failed = layout("a", 0.5, problem="no", is_built=True)
+    assert best_layout([failed]) == ("", "no")
+    others = [layout("b", 0.9, parts=4), layout("c", 0.7, parts=5), layout("d", 0.6)]
+    assert best_layout([failed, *others]) == ("c", "")
+    assert best_layout([replace(failed, problem=None), *others]) == ("a", "")
+    assert best_layout(others) == ("", "")
