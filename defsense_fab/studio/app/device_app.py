@@ -44,7 +44,7 @@ class DeviceApp:
             BodyStep(self.session),
             BodyFitStep(self.session, shell.show_misfit),
             PosesStep(self.session),
-            SensorsStep(self.session, shell.show_violations),
+            SensorsStep(self.session, shell.show_broken_cord),
             InsideStep(self.session),
             OptimizeStep(self.session, shell.show_optimized),
             MakeStep(self.session),

@@ -19,7 +19,7 @@ class Progress:
         cords: Number of drawn cords.
         proposed: Number of cords that the optimizer adds.
         can_move: Whether the optimizer may move or add cords.
-        has_violations: Whether the drawn cords break a limit.
+        broken_cord: Name of the first drawn cord that breaks a limit; empty for none.
         misfit: Which regions and poses are outside the body, in one sentence; empty for none.
         is_optimized: Whether the drawn cords are those that the last search found.
         noun: What one sensor is called.
@@ -32,7 +32,7 @@ class Progress:
     cords: int
     proposed: int
     can_move: bool
-    has_violations: bool
+    broken_cord: str
     misfit: str
     is_optimized: bool
     noun: str
@@ -74,11 +74,12 @@ def next_action(p: Progress) -> NextAction:
         return NextAction(
             label=f"Add a {p.noun}", hint=f"Draw a {p.noun}, or let one be proposed", step="sensors"
         )
-    if p.has_violations:
+    if p.broken_cord:
         return NextAction(
             label="Fix the limits",
             hint=f"A {p.noun} breaks a limit, and the parts cannot be made",
             step="sensors",
+            cord=p.broken_cord,
         )
     if _state(p, "optimize") != "current" and not p.is_optimized and p.can_move:
         return NextAction(
@@ -138,7 +139,7 @@ def _sensors(p: Progress) -> tuple[StepState, str]:
         return "blocked", "Make the body first"
     if not p.cords:
         return "ready", f"No {p.noun} yet"
-    if p.has_violations:
+    if p.broken_cord:
         return "stale", f"A {p.noun} breaks a limit"
     count = f"1 {p.noun}" if p.cords == 1 else f"{p.cords} {p.noun}s"
     return "done", f"{count} within all limits"

@@ -14,6 +14,7 @@ from ...core.errors import DefsenseError, DeviceError, LayoutError
 from ...workflow.design.body_fit import check_cords
 from ...workflow.design.draw_cord import Snapper, fit_stroke, plane_section
 from ...workflow.design.layout_judge import LayoutJudge
+from ...workflow.design.repair_cords import repair_cords, smooth_cord
 from ...workflow.view import Client, Request
 from ..background.latest_worker import LatestWorker
 from ..edits import cords as edits
@@ -40,15 +41,15 @@ class SensorsStep(Step):
 
     Args:
         session: The device.
-        on_violations: Called with whether the drawn cords break a limit.
+        on_broken_cord: Called with the first drawn cord that breaks a limit; empty for none.
 
     Attributes:
         prediction: What was published last, or None.
     """
 
-    def __init__(self, session: DeviceSession, on_violations: Callable[[bool], None]) -> None:
+    def __init__(self, session: DeviceSession, on_broken_cord: Callable[[str], None]) -> None:
         super().__init__(session)
-        self._on_violations = on_violations
+        self._on_broken_cord = on_broken_cord
         self.prediction: messages.Prediction | None = None
         self._worker = LatestWorker[Cords](self._judge_drawn, session.show_error)
         self._snapper: tuple[object, Snapper] | None = None
@@ -63,7 +64,8 @@ class SensorsStep(Step):
                 edits.insert_point(r.cord, r.before, np.array(r.at, float))
             ),
             messages.DeletePoint: lambda _, r: self._apply(edits.delete_point(r.cord, r.index)),
-            messages.SmoothCord: lambda _, r: self._apply(edits.smooth(r.cord)),
+            messages.SmoothCord: self._smooth,
+            messages.RepairCords: self._repair,
             messages.RenameCord: lambda _, r: self._apply(
                 edits.rename_cord(r.cord, r.name.strip())
             ),
@@ -159,6 +161,25 @@ class SensorsStep(Step):
 
     def _apply(self, edit: Edit) -> None:
         self.session.apply(edit)
+
+    def _smooth(self, _: Client, request: messages.SmoothCord) -> None:
+        name = self._cord(request.cord).name
+        found = smooth_cord(self.session.device, self.session.newest_surface, name)
+        self._apply(edits.smooth(name, found.sensor if found.has_moved else None))
+        if found.has_moved:
+            self.session.notify(f"{name}: control points moved, to keep the limits")
+
+    def _repair(self, _: Client, request: messages.RepairCords) -> messages.RepairResult:
+        self._vertices()
+        assert self.session.newest_surface is not None
+        names = [self._cord(name).name for name in request.cords] or None
+        found = repair_cords(self.session.device, self.session.newest_surface, names)
+        self._apply(edits.repair([s for s in found.sensors if s.name in found.moves]))
+        return messages.RepairResult(
+            cords=list(found.moves),
+            largest_move=max(found.moves.values()),
+            remaining=[str(violation) for violation in found.remaining],
+        )
 
     def _duplicate(self, _: Client, request: messages.DuplicateCord) -> messages.CordResult:
         sensor = self._cord(request.cord)
@@ -317,7 +338,8 @@ class SensorsStep(Step):
         )
         self.session.server.publish(self.prediction)
         drawn = self.prediction.drawn
-        self._on_violations(drawn is not None and bool(drawn.violations))
+        broken = [] if drawn is None else drawn.violations
+        self._on_broken_cord(broken[0].cords[0] if broken else "")
 
 
 def with_point(sensor: Sensor, index: int, point: Any) -> Sensor:

@@ -21,12 +21,12 @@ class ShellStep(Step):
     """Publishes the device and the pipeline, and handles undo and builds.
 
     Attributes:
-        has_violations: Whether the drawn cords break a limit; set by the step Sensors.
+        broken_cord: Name of the first drawn cord that breaks a limit; set by the step Sensors.
         is_optimized: Whether the drawn cords are the optimized ones; set by the step Optimize.
         misfit: What of regions and poses is outside the body; set by BodyFitStep.
     """
 
-    has_violations = False
+    broken_cord = ""
     is_optimized = False
     misfit = ""
 
@@ -79,10 +79,10 @@ class ShellStep(Step):
     def on_freshness(self) -> None:
         self.publish_pipeline()
 
-    def show_violations(self, has_violations: bool) -> None:
-        """Follow whether the drawn cords break a limit."""
-        if has_violations != self.has_violations:
-            self.has_violations = has_violations
+    def show_broken_cord(self, name: str) -> None:
+        """Follow which drawn cord breaks a limit; empty for none."""
+        if name != self.broken_cord:
+            self.broken_cord = name
             self.publish_pipeline()
 
     def show_optimized(self, is_optimized: bool) -> None:
@@ -109,7 +109,7 @@ class ShellStep(Step):
                     cords=len(device.sensors),
                     proposed=device.propose,
                     can_move=can_move_cords(device),
-                    has_violations=self.has_violations,
+                    broken_cord=self.broken_cord,
                     misfit=self.misfit,
                     is_optimized=self.is_optimized,
                     noun=device.cord.noun,

@@ -11,7 +11,7 @@ def progress(current=(), old=(), **values):
     freshness = {s: "current" if s in current else "old" if s in old else "missing" for s in STAGES}
     defaults = {
         "has_body": True, "poses": 2, "cords": 2, "proposed": 0, "can_move": True,
-        "has_violations": False, "misfit": "",
+        "broken_cord": "", "misfit": "",
         "is_optimized": False, "noun": "cord", "has_model": False,
     }  # fmt: skip
     return Progress(freshness=freshness, **{**defaults, **values})
@@ -30,7 +30,7 @@ def states(p):
         (progress((), STAGES, misfit="1 region lies outside the body"), "poses", None),
         (progress(STAGES[:3], cords=0), "sensors", None),
         (progress(STAGES[:3], cords=0, proposed=2), "optimize", "optimize"),
-        (progress(STAGES[:3], has_violations=True), "sensors", None),
+        (progress(STAGES[:3], broken_cord="a"), "sensors", None),
         (progress(STAGES[:3]), "optimize", "optimize"),
         (progress(STAGES[:4]), "make", "report"),
         (progress(STAGES), "measure", None),
@@ -66,8 +66,13 @@ def test_region_outside_the_body_makes_the_poses_stale():
     assert states(progress(STAGES, misfit="1 region lies outside the body"))["poses"] == "stale"
 
 
+def test_next_action_names_the_cord_that_breaks_a_limit():
+    assert next_action(progress(STAGES[:3], broken_cord="a")).cord == "a"
+    assert not next_action(progress(STAGES[:3])).cord
+
+
 def test_broken_limit_makes_the_sensors_stale():
-    assert states(progress(STAGES[:3], has_violations=True))["sensors"] == "stale"
+    assert states(progress(STAGES[:3], broken_cord="a"))["sensors"] == "stale"
 
 
 def test_cords_taken_from_the_last_search_are_optimized():
