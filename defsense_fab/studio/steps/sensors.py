@@ -31,6 +31,7 @@ _OTHER_BODY = "The body has changed: simulate the poses again to see the expecte
 _SNAP_DISTANCE = 0.01  # times the body's size
 _SHIFT = 0.04  # of a copy from its original, times the body's size
 _EQUAL_PATHS_MM = 0.02  # by which equal paths may differ, as the file has three decimals
+_JOB_END_S = 30.0  # in which the results of a job that has ended are read
 _SNAP_TEXTS = {"surface": "surface", "middle": "middle of the body"}
 
 Cords = tuple[Sensor, ...]
@@ -212,10 +213,9 @@ class SensorsStep(Step):
                 raise LayoutError("the page was closed", code="cancelled")
             client.send(messages.ProposalProgress(share=share))
 
-        if jobs.is_running:
-            raise DefsenseError(
-                "another job is running", code="job-running", action="Wait until it ends"
-            )
+        if jobs.job.state == "idle":
+            jobs.wait(_JOB_END_S)  # the simulation that this waited for
+        jobs.check_idle()
         try:
             cord = judge_.propose(self._free_name("cord"), sensors, report)
         finally:
