@@ -212,7 +212,8 @@ def _check_regions(device: Device, surface: Surface) -> None:
         use = f" (used by the pose{'s' * (len(poses) > 1)} {', '.join(poses)})" if poses else ""
         raise DeviceError(
             f"region {name!r} contains no part of the body{use}; it is"
-            f" {regions.describe_region(shape)}, and the body extends {regions.describe_extent(surface)}",
+            f" {regions.describe_region(shape)}, and the body extends"
+            f" {regions.describe_extent(surface)}",
             code="region-outside-body",
             where=f"device.toml: regions.{name}",
             action="Move it to the body",
