@@ -8,20 +8,24 @@ from .arrays import Float
 from .curve import Hermite, arc_lengths, catmull_rom, hermite_basis, resample
 
 _SAMPLES_PER_SPAN = 20
-_MIN_CONTROL_POINTS, _MAX_CONTROL_POINTS = 4, 12  # as few as device.toml accepts
+MIN_FIT_POINTS = 4  #: Fewest control points of a fitted curve, as few as device.toml accepts.
+_MAX_CONTROL_POINTS = 12
 _REPARAMETRIZATIONS = 3
 _MAX_BIARCS_PER_SPAN = 64
 
 
-def fit_curve(stroke: Float, tolerance: float) -> Hermite:
+def fit_curve(
+    stroke: Float, tolerance: float, counts: tuple[int, int] = (MIN_FIT_POINTS, _MAX_CONTROL_POINTS)
+) -> Hermite:
     """Fit a smooth curve with few control points to a stroke.
 
     The curve ends where the stroke ends, and its tangents follow from its points. Its points are a
     least-squares fit: with spans of equal length, Catmull-Rom tangents are linear in them.
 
     Args:
-        stroke: Points of the stroke (q, 2), mm.
+        stroke: Points of the stroke (q, 2) or (q, 3), mm.
         tolerance: Largest distance of the stroke from the curve, mm.
+        counts: Smallest and largest number of control points.
 
     Returns:
         The curve with the fewest control points within the tolerance, or else the closest one.
@@ -36,7 +40,7 @@ def fit_curve(stroke: Float, tolerance: float) -> Hermite:
     if length <= 1e-6:
         raise ValueError("a stroke needs a length")
     best, best_deviation = None, np.inf
-    for count in range(_MIN_CONTROL_POINTS, _MAX_CONTROL_POINTS + 1):
+    for count in range(counts[0], counts[1] + 1):
         curve = _fit_points(stroke, float(length), count)
         deviation = float(_project_on_curve(stroke, curve)[0].max())
         if deviation < best_deviation:
@@ -62,7 +66,7 @@ def _fit_points(stroke: Float, length: float, count: int) -> Hermite:
 
 
 def _fit_at_parameters(samples: Float, parameters: Float, count: int) -> Hermite:
-    """Fit a curve to samples (q, 2) at curve parameters (q,) by least squares."""
+    """Fit a curve to samples (q, d) at curve parameters (q,) by least squares."""
     difference = np.zeros((count, count))
     for k in range(count):
         low, high = max(k - 1, 0), min(k + 1, count - 1)
@@ -71,7 +75,7 @@ def _fit_at_parameters(samples: Float, parameters: Float, count: int) -> Hermite
     dense = hermite_basis(count, _SAMPLES_PER_SPAN)[0] @ np.concatenate([np.eye(count), difference])
     grid = np.linspace(0, count - 1, len(dense))
     linear = np.stack([np.interp(parameters, grid, column) for column in dense.T], axis=1)
-    points = np.empty((count, 2))
+    points = np.empty((count, samples.shape[1]))
     points[[0, -1]] = samples[[0, -1]]
     if count > 2:
         remainder = samples - linear[:, [0, -1]] @ points[[0, -1]]
@@ -80,7 +84,7 @@ def _fit_at_parameters(samples: Float, parameters: Float, count: int) -> Hermite
 
 
 def _project_on_curve(points: Float, curve: Hermite) -> tuple[Float, Float]:
-    """Return the distances (q,) in mm of points (q, 2) from a curve, and its parameters (q,)."""
+    """Return the distances (q,) in mm of points (q, d) from a curve, and its parameters (q,)."""
     line = curve.sample(_SAMPLES_PER_SPAN)
     a, along = line[:-1], np.diff(line, axis=0)
     square = np.maximum((along**2).sum(1), 1e-18)

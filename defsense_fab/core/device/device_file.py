@@ -125,7 +125,10 @@ class DeviceFile(Table, frozen=True, kw_only=True):
 
 
 def load_device(
-    folder: Path, overrides: Mapping[str, Any] | None = None, complete: bool = True
+    folder: Path,
+    overrides: Mapping[str, Any] | None = None,
+    complete: bool = True,
+    cords: bool = True,
 ) -> Device:
     """Read the `device.toml` of a folder.
 
@@ -133,11 +136,12 @@ def load_device(
         folder: Folder of the file, and of the files that it names.
         overrides: Parameters of the body's script that replace those of the file.
         complete: Whether there must be poses and sensors.
+        cords: Whether a complete device must have sensors; a simulation needs none.
 
     Raises:
         DeviceError: with file, line and key, for everything unknown, missing or out of range.
     """
-    return read_device(load_document(folder / DEVICE), folder, overrides or {}, complete)
+    return read_device(load_document(folder / DEVICE), folder, overrides or {}, complete, cords)
 
 
 def parse_device(text: str, folder: Path, complete: bool = True) -> Device:
@@ -146,12 +150,16 @@ def parse_device(text: str, folder: Path, complete: bool = True) -> Device:
 
 
 def read_device(
-    document: Document, folder: Path, overrides: Mapping[str, Any], complete: bool = True
+    document: Document,
+    folder: Path,
+    overrides: Mapping[str, Any],
+    complete: bool = True,
+    cords: bool = True,
 ) -> Device:
     """Read a file whose values may have been replaced; see `load_device`."""
     declared = document.read(DeviceFile)
     problems = [
-        *_missing_tables(declared, complete),
+        *_missing_tables(declared, complete, cords),
         *_check_body(declared, folder, overrides),
         *_check_agreement(declared),
     ]
@@ -253,7 +261,7 @@ def _printed_whole(fabrication: FabricationSpec) -> FabricationSpec:
     )  # fmt: skip
 
 
-def _missing_tables(declared: DeviceFile, complete: bool) -> Iterator[Problem]:
+def _missing_tables(declared: DeviceFile, complete: bool, cords: bool) -> Iterator[Problem]:
     if complete and not declared.poses:
         yield Problem(
             ("poses",),
@@ -261,7 +269,7 @@ def _missing_tables(declared: DeviceFile, complete: bool) -> Iterator[Problem]:
             "poses-missing",
             "Add [[poses]]; `defsense modes` proposes some",
         )
-    if complete and not declared.sensors and declared.design.sensors is None:
+    if complete and cords and not declared.sensors and declared.design.sensors is None:
         yield Problem(
             ("sensors",),
             "there are no cords",

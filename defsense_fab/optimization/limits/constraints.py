@@ -56,7 +56,7 @@ class Constraints:
         depth: Exact depth below it.
         limits: The limits.
         cords: Parameters of the cords.
-        reach: How far the mouths of paths in space may move, mm.
+        reach: How far the mouths of paths in space, and of those with free ends, may move, mm.
     """
 
     def __init__(
@@ -179,7 +179,8 @@ class Constraints:
                 wide[0, self._columns[i]] = gradient[0] @ mouth.by
                 values.append(allowed - MARGIN_MM)
                 rows.append(wide)
-            if not tracks[i].placed.cord.sensor.curve.is_planar:
+            sensor = tracks[i].placed.cord.sensor
+            if not sensor.curve.is_planar or "ends" in sensor.free:
                 moved = mouth.point - mouth.start
                 far = float(np.linalg.norm(moved))
                 wide = np.zeros((1, size))

@@ -38,7 +38,7 @@ def jitter(layout: Layout, rng: np.random.Generator, *, tied: bool) -> Layout:
         tied: Keep cords that share a plane in one plane; otherwise each moves independently.
     """
     cords, spread = shared_parameters(layout) if tied else independent_parameters(layout)
-    return _apply_parameters(cords, spread @ rng.normal(0, 1.5, spread.shape[1]), layout)
+    return apply_parameters(cords, spread @ rng.normal(0, 1.5, spread.shape[1]), layout)
 
 
 def descend(
@@ -118,10 +118,10 @@ class _LayoutProgram:
 
     def layout(self, y: Float) -> Layout:
         """Return the layout at parameters y (size,)."""
-        return _apply_parameters(self._cords, self._spread @ y, self._layout)
+        return apply_parameters(self._cords, self._spread @ y, self._layout)
 
 
-def _apply_parameters(cords: Sequence[CordParameters], x: Float, layout: Layout) -> Layout:
+def apply_parameters(cords: Sequence[CordParameters], x: Float, layout: Layout) -> Layout:
     """Return the layout with its cords at parameters x (size,), as free as before."""
     parts = np.split(x, np.cumsum([c.size for c in cords[:-1]]))
     moved = zip(cords, parts, layout, strict=True)

@@ -90,7 +90,8 @@ def require_drawing(problem: Problem, drawn: Layout) -> None:
             broken.message,
             code=broken.code,
             where="device.toml: sensors",
-            action="Move its control_points or plane",
+            action="Move its control_points or plane, or let a search repair it: free = ['path']",
+            cord=broken.cords[0],
             cords=broken.cords,
             value=broken.value,
         )

@@ -11,7 +11,7 @@ from pathlib import Path
 from ...core.device.device import Sensor
 from .background_job import JobReporter
 
-_STAGES_OF_INCOMPLETE_DEVICES = ("body", "mesh")  # they need neither poses nor cords
+_STAGES_WITHOUT_POSES = ("body", "mesh")
 #: Usual time of each stage, relative to the others.
 _WORK = {"body": 2, "mesh": 3, "simulate": 15, "optimize": 60, "fabricate": 12, "report": 8}
 _MIN_LAYOUT_INTERVAL_S = 0.1  # between layouts that are sent while the search passes them
@@ -46,12 +46,13 @@ def run_build(reporter: JobReporter, folder: Path, stage: str) -> None:
     from ...core.device.device_file import load_device
     from ...workflow.build.build import build, freshness
     from ...workflow.build.options import BuildOptions
-    from ...workflow.build.stages import STAGES, SearchProgress
+    from ...workflow.build.stages import STAGES, STAGES_WITHOUT_CORDS, SearchProgress
 
     clock, last_sent = _Clock(), -_MIN_LAYOUT_INTERVAL_S
 
-    is_complete = stage not in _STAGES_OF_INCOMPLETE_DEVICES
-    device = load_device(folder, complete=is_complete)
+    is_complete = stage not in _STAGES_WITHOUT_POSES
+    needs_cords = stage not in STAGES_WITHOUT_CORDS
+    device = load_device(folder, complete=is_complete, cords=needs_cords)
     titles = {s.name: s.title for s in STAGES}
     last = list(titles).index(stage)
     states = freshness(device) if is_complete else {}

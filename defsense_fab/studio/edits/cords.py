@@ -13,7 +13,19 @@ from ...core.curve import Hermite, Plane, catmull_rom
 from ...core.device.device import FREEDOMS, Sensor
 from ...core.device.device_file import DEVICE
 from ...core.errors import DeviceError
-from .edit import Edit, append, index, inline, named, number, numbers, remove, rows, strings
+from .edit import (
+    Edit,
+    append,
+    combine,
+    index,
+    inline,
+    named,
+    number,
+    numbers,
+    remove,
+    rows,
+    strings,
+)
 
 _KEY = "sensors"
 _TANGENT_TOLERANCE = 1e-3  # mm; smaller differences follow from rounding
@@ -135,6 +147,14 @@ def set_path(name: str, curve: Hermite) -> Edit:
     return Edit(f"redraw `{name}`", change)
 
 
+def redraw(sensor: Sensor) -> Edit:
+    """Replace a cord's curve, and its plane if it lies in one."""
+    path = set_path(sensor.name, sensor.curve)
+    if not sensor.curve.is_planar:
+        return path
+    return combine(path.name, [set_plane(sensor.name, sensor.plane), path])
+
+
 def bend_at(name: str, at: int, curve: Hermite) -> Edit:
     """Change the tangent at the control point with index `at`; all tangents are written."""
 
@@ -154,13 +174,26 @@ def bend_at(name: str, at: int, curve: Hermite) -> Edit:
     return Edit(f"bend `{name}` at control point {at + 1}", change)
 
 
-def smooth(name: str) -> Edit:
-    """Remove a cord's tangents, so that they follow from the points."""
+def smooth(name: str, moved: Sensor | None = None) -> Edit:
+    """Remove a cord's tangents, so that they follow from the points.
+
+    Args:
+        name: Name of the cord.
+        moved: The cord with moved points; None if they stay.
+    """
 
     def change(document: TOMLDocument) -> None:
+        if moved is not None:
+            redraw(moved).change(document)
         named(document, _KEY, name).pop("tangents", None)
 
     return Edit(f"smooth `{name}`", change)
+
+
+def repair(sensors: Sequence[Sensor]) -> Edit:
+    """Redraw cords so that they keep the limits, in one step of undo."""
+    names = ", ".join(f"`{sensor.name}`" for sensor in sensors)
+    return combine(f"repair {names}", [redraw(sensor) for sensor in sensors])
 
 
 def set_plane(name: str, plane: Plane) -> Edit:

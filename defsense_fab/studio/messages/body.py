@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from ...workflow.view import Event, Problem, Record, Request
 
@@ -280,4 +280,9 @@ class BodyFit(Event, frozen=True, kw_only=True):
 
 
 class FitToBody(Request, frozen=True, kw_only=True):
-    """Move cords, regions and poses as the bounding box of the body has changed."""
+    """Fit to the newest body what no longer fits it.
+
+    It moves as the bounding box of the body has changed, and cords keep the limits if possible.
+    """
+
+    lane: ClassVar[str] = "search"

@@ -203,9 +203,38 @@ class DeletePoint(Request, frozen=True, kw_only=True):
 
 
 class SmoothCord(Request, frozen=True, kw_only=True):
-    """Compute the tangents of a cord from its points."""
+    """Compute the tangents of a cord from its points, which move if a limit needs it."""
+
+    lane: ClassVar[str] = "search"
 
     cord: str
+
+
+class RepairResult(Result, frozen=True, kw_only=True):
+    """The cords that were moved so that they keep the limits.
+
+    Attributes:
+        cords: Names of the cords that moved.
+        largest_move: How far a point of their paths moved at most, mm.
+        remaining: Limits that are still broken, in words.
+    """
+
+    cords: list[str]
+    largest_move: float
+    remaining: list[str]
+
+
+class RepairCords(Request, frozen=True, kw_only=True):
+    """Move cords as little as possible so that they keep all limits.
+
+    Attributes:
+        cords: Names of the cords that may move; empty for all.
+    """
+
+    result: ClassVar[type | None] = RepairResult
+    lane: ClassVar[str] = "search"
+
+    cords: list[str]
 
 
 class RenameCord(Request, frozen=True, kw_only=True):

@@ -102,12 +102,14 @@ class NextAction(Record, frozen=True, kw_only=True):
         hint: What it does.
         step: The step that it belongs to.
         stage: The stage that it builds; None if it only opens the step.
+        cord: The cord whose broken limit it shows; empty for none.
     """
 
     label: str
     hint: str
     step: StepName
     stage: Stage | None = None
+    cord: str = ""
 
 
 class Pipeline(Event, frozen=True, kw_only=True):

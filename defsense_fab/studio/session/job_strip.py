@@ -52,6 +52,7 @@ class JobStrip:
 
     Attributes:
         job: What is shown.
+        is_replacing: Whether a job is canceled now so that another one can start.
     """
 
     def __init__(self, publish: Callable[[Event], None]) -> None:
@@ -60,6 +61,7 @@ class JobStrip:
         self._work: Work | None = None
         self._background: BackgroundJob | None = None
         self.job = Job(name="", title="", state="idle")
+        self.is_replacing = False
 
     @property
     def _can_replace(self) -> bool:
@@ -78,8 +80,10 @@ class JobStrip:
             StorageError: The system cannot start a process.
         """
         if self._can_replace:
+            self.is_replacing = True
             self.cancel()
             self.wait(_CANCEL_TIMEOUT_S)
+            self.is_replacing = False
         with self._lock:
             if self.is_running:
                 raise self._still_running()

@@ -14,11 +14,13 @@ class LimitState:
 
     Attributes:
         is_broken: Whether they break a limit, or cannot be made.
+        broken_cord: Name of the first cord that does; empty if that is not known.
         is_being_checked: Whether they keep the limits of their paths, and it is being checked
             whether they can be made.
     """
 
     is_broken: bool = False
+    broken_cord: str = ""
     is_being_checked: bool = False
 
 
@@ -93,6 +95,7 @@ def next_action(p: Progress) -> NextAction:
             label="Fix the limits",
             hint=f"A {p.noun} breaks a limit, and the parts cannot be made",
             step="sensors",
+            cord=p.limits.broken_cord,
         )
     if _state(p, "optimize") != "current" and not p.is_optimized and p.can_move:
         return NextAction(

@@ -1,4 +1,4 @@
-"""Cords, regions and poses outside the newest body, and the edit that moves them with it."""
+"""Cords, regions and poses that do not fit the newest body, and the edit that fits them to it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,16 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.errors import DefsenseError, LayoutError
-from ...workflow.design.body_fit import BoxMap, Misfit, check_cords, find_misfits
+from ...core.mesh import Surface
+from ...workflow.design.body_fit import (
+    BoxMap,
+    Item,
+    LimitViolation,
+    Misfit,
+    check_cords,
+    find_misfits,
+    fit_cords,
+)
 from ...workflow.view import Client, Request
 from ..background.latest_worker import LatestWorker
 from ..edits.body_fit import fit_to_body
@@ -25,9 +34,11 @@ _SAME_BOX_MM = 0.01
 class BodyFitStep(Step):
     """Judges cords, regions and poses by the newest body as soon as it is made.
 
+    Each of them counts as made for the first body that it was in.
+
     Args:
         session: The device.
-        on_misfit: Called with which regions and poses lie outside the body, in one sentence.
+        on_misfit: Called with which regions and poses do not fit, in one sentence.
     """
 
     def __init__(self, session: DeviceSession, on_misfit: Callable[[str], None]) -> None:
@@ -36,9 +47,8 @@ class BodyFitStep(Step):
         self._worker = LatestWorker[Device](self._judge, session.show_error)
         self._published: messages.BodyFit | None = None
         self._misfits: list[Misfit] = []
-        #: Bounds (2, 3) mm of the body that cords, regions and poses were made for, by these.
+        #: Bounds (2, 3) mm of the body that cords, regions and poses were made for, by content.
         self._boxes: dict[str, Float] = {}
-        self._last_box: Float | None = None
 
     @property
     def handlers(self) -> Mapping[type[Request], Handler]:
@@ -63,15 +73,18 @@ class BodyFitStep(Step):
     def _judge(self, device: Device) -> None:
         """Find what does not fit, on the thread of the worker."""
         surface = self.session.newest_surface
-        misfits = list[Misfit]()
+        misfits, maps = list[Misfit](), dict[Item, BoxMap]()
         if surface is not None:
             try:
                 check = check_cords(device, device.sensors, surface)
             except DefsenseError:  # shown once the device is built
                 check = None
-            misfits = find_misfits(device, surface, check)
-            if not misfits:
-                self._last_box = self._boxes.setdefault(_places(device), surface.bounds)
+            misplaced = {(m.kind, m.name) for m in find_misfits(device, surface, check)}
+            for item, content in _contents(device).items():
+                if item not in misplaced:
+                    self._boxes.setdefault(content, surface.bounds)
+            maps = self._maps(device, surface)
+            misfits = find_misfits(device, surface, check, maps)
         self._misfits = misfits
         used = [
             messages.MisfitState(
@@ -85,7 +98,7 @@ class BodyFitStep(Step):
             messages.MisfitState(kind=m.kind, name=m.name, text=m.text, at=rounded(np.array(m.at)))
             for m in misfits
         ]
-        can_fit = bool(misfits) and self._box_map(device) is not None
+        can_fit = any((m.kind, m.name) in maps for m in misfits)
         event = messages.BodyFit(
             text=describe_misfits(misfits, device.cord.noun) if can_fit else "",
             can_fit=can_fit,
@@ -97,31 +110,43 @@ class BodyFitStep(Step):
         others = [misfit for misfit in misfits if misfit.kind != "cord"]
         self._on_misfit(describe_misfits(others, device.cord.noun))
 
-    def _box_map(self, device: Device) -> BoxMap | None:
-        """Return the map from the earlier body to the newest one, if they differ."""
-        surface, box = self.session.newest_surface, self._boxes.get(_places(device), self._last_box)
-        if surface is None or box is None or np.abs(box - surface.bounds).max() < _SAME_BOX_MM:
-            return None
-        return BoxMap(box, surface.bounds)
+    def _maps(self, device: Device, surface: Surface) -> dict[Item, BoxMap]:
+        """Return maps to the newest body, for what was made for another one."""
+        maps = dict[Item, BoxMap]()
+        for item, content in _contents(device).items():
+            box = self._boxes.get(content)
+            if box is not None and np.abs(box - surface.bounds).max() > _SAME_BOX_MM:
+                maps[item] = BoxMap(box, surface.bounds)
+        return maps
 
     def _fit(self, _: Client, __: messages.FitToBody) -> None:
         session, device = self.session, self.session.device
-        box_map, surface = self._box_map(device), session.newest_surface
-        if box_map is None or surface is None:
+        surface = session.newest_surface
+        maps = {} if surface is None else self._maps(device, surface)
+        misfits = {(m.kind, m.name) for m in self._misfits}
+        moved = misfits & maps.keys()
+        if surface is None or not moved:
             raise LayoutError(
-                "the body that cords and regions were made for is not known",
+                "nothing was made for an earlier body",
                 code="no-earlier-body",
-                action="Move them by hand",
+                action="Repair the cords, or move regions by hand",
             )
-        if _places(device) in self._boxes:
-            kept = {("cord", sensor.name) for sensor in device.sensors}
-            kept |= {("region", name) for name in device.regions}
-            kept |= {("pose", pose.name) for pose in device.poses}
-        else:  # some were moved since: only the others follow the body
-            kept = {(misfit.kind, misfit.name) for misfit in self._misfits}
-        bounds = surface.bounds
-        session.apply(fit_to_body(device, box_map, kept))
-        self._last_box = self._boxes[_places(session.device)] = bounds
+        names = [s.name for s in device.sensors if ("cord", s.name) in misfits]
+        fitted = fit_cords(device, surface, names, maps)
+        pairs = zip(device.sensors, fitted.sensors, strict=True)
+        changed = [new for old, new in pairs if new is not old]
+        edit = fit_to_body(device, changed, maps, moved)
+        session.apply(edit)
+        session.notify(describe_result(edit.name, fitted.remaining))
+
+
+def describe_result(name: str, remaining: Sequence[LimitViolation]) -> str:
+    """Return what an edit has changed, and the limits that are still broken."""
+    done = f"Done: {name.replace('`', '')}."
+    if not remaining:
+        return done
+    listed = "; ".join(dict.fromkeys(str(violation) for violation in remaining))
+    return f"{done} Not within the limits: {listed}"
 
 
 def describe_misfits(misfits: Sequence[Misfit], noun: str) -> str:
@@ -140,6 +165,13 @@ def describe_misfits(misfits: Sequence[Misfit], noun: str) -> str:
     return f"{listed} {'does' if is_one else 'do'} not fit the new body"
 
 
-def _places(device: Device) -> str:
-    """Return a key of all that lies in the body."""
-    return repr((device.sensors, device.regions, device.poses))
+def _contents(device: Device) -> dict[Item, str]:
+    """Return a key of what lies in the body, for each cord, region and pose with points."""
+    contents: dict[Item, str] = {
+        ("cord", s.name): repr(("cord", s.plane, s.curve)) for s in device.sensors
+    }
+    contents |= {("region", name): repr((name, shape)) for name, shape in device.regions.items()}
+    for pose in device.poses:
+        pivots = [handle.about for handle in pose.handles]
+        contents["pose", pose.name] = repr((pose.name, pivots, pose.drags))
+    return contents

@@ -15,6 +15,7 @@ from ...core.errors import DefsenseError, DeviceError, LayoutError
 from ...workflow.design.body_fit import check_cords
 from ...workflow.design.draw_cord import Snapper, fit_stroke, plane_section
 from ...workflow.design.layout_judge import LayoutJudge
+from ...workflow.design.repair_cords import repair_cords, smooth_cord
 from ...workflow.view import Client, Request
 from ..background.latest_worker import LatestWorker
 from ..edits import cords as edits
@@ -34,6 +35,7 @@ _NOT_SIMULATED = "Simulate the poses to see the expected error"
 _OTHER_BODY = "The body has changed: simulate the poses again to see the expected error"
 _SNAP_DISTANCE = 0.01  # times the body's size
 _SHIFT = 0.04  # of a copy from its original, times the body's size
+_JOB_END_S = 30.0  # in which the results of a job that has ended are read
 _SNAP_TEXTS = {"surface": "surface", "middle": "middle of the body"}
 
 Cords = tuple[Sensor, ...]
@@ -73,7 +75,8 @@ class SensorsStep(Step):
                 edits.insert_point(r.cord, r.before, np.array(r.at, float))
             ),
             messages.DeletePoint: lambda _, r: self._apply(edits.delete_point(r.cord, r.index)),
-            messages.SmoothCord: lambda _, r: self._apply(edits.smooth(r.cord)),
+            messages.SmoothCord: self._smooth,
+            messages.RepairCords: self._repair,
             messages.RenameCord: lambda _, r: self._apply(
                 edits.rename_cord(r.cord, r.name.strip())
             ),
@@ -170,6 +173,25 @@ class SensorsStep(Step):
     def _apply(self, edit: Edit) -> None:
         self.session.apply(edit)
 
+    def _smooth(self, _: Client, request: messages.SmoothCord) -> None:
+        name = self._cord(request.cord).name
+        found = smooth_cord(self.session.device, self.session.newest_surface, name)
+        self._apply(edits.smooth(name, found.sensor if found.has_moved else None))
+        if found.has_moved:
+            self.session.notify(f"{name}: control points moved, to keep the limits")
+
+    def _repair(self, _: Client, request: messages.RepairCords) -> messages.RepairResult:
+        self._vertices()
+        assert self.session.newest_surface is not None
+        names = [self._cord(name).name for name in request.cords] or None
+        found = repair_cords(self.session.device, self.session.newest_surface, names)
+        self._apply(edits.repair([s for s in found.sensors if s.name in found.moves]))
+        return messages.RepairResult(
+            cords=list(found.moves),
+            largest_move=max(found.moves.values()),
+            remaining=[str(violation) for violation in found.remaining],
+        )
+
     def _duplicate(self, _: Client, request: messages.DuplicateCord) -> messages.CordResult:
         sensor = self._cord(request.cord)
         shift = _SHIFT * self.session.size
@@ -201,10 +223,9 @@ class SensorsStep(Step):
                 raise LayoutError("the page was closed", code="cancelled")
             client.send(messages.ProposalProgress(share=share))
 
-        if jobs.is_running:
-            raise DefsenseError(
-                "another job is running", code="job-running", action="Wait until it ends"
-            )
+        if jobs.job.state == "idle":
+            jobs.wait(_JOB_END_S)  # the simulation that this waited for
+        jobs.check_idle()
         try:
             cord = makeable_proposal(
                 judge_, self._cord_check, sensors, self._free_name("cord"), report
@@ -341,8 +362,10 @@ class SensorsStep(Step):
                 **{**defaults, **values},
             )
             self.session.server.publish(self.prediction)
-        has_violations = bool(drawn and drawn.violations) or check.state == "failed"
-        self._on_limits(LimitState(has_violations, check.state == "checking"))
+        violations = list(drawn.violations) if drawn is not None else []
+        violations += [check.problem] if check.problem is not None else []
+        cords = [name for violation in violations for name in violation.cords]
+        self._on_limits(LimitState(bool(violations), "".join(cords[:1]), check.state == "checking"))
 
     def _publish_again(self) -> None:
         """Publish the last judgement with the present result of the check."""

@@ -72,7 +72,8 @@ def _save_mesh(
     for name, inside in tags.items():
         if not inside.any() and name not in placed:
             raise DeviceError(
-                "contains no nodes of the mesh, as it is smaller than the edges of the mesh",
+                f"region {name!r} contains no nodes of the mesh, as it is smaller than the edges of"
+                " the mesh",
                 code="region-without-nodes",
                 where=f"device.toml: regions.{name}",
                 action="Enlarge it, or use a smaller [mesh] edge_length",
@@ -210,8 +211,9 @@ def _check_regions(device: Device, surface: Surface) -> None:
         ]
         use = f" (used by the pose{'s' * (len(poses) > 1)} {', '.join(poses)})" if poses else ""
         raise DeviceError(
-            f"contains no part of the body{use}; it is {regions.describe_region(shape)}, and the"
-            f" body extends {regions.describe_extent(surface)}",
+            f"region {name!r} contains no part of the body{use}; it is"
+            f" {regions.describe_region(shape)}, and the body extends"
+            f" {regions.describe_extent(surface)}",
             code="region-outside-body",
             where=f"device.toml: regions.{name}",
             action="Move it to the body",

@@ -32,6 +32,7 @@ from ...optimization.refinement.refine import (
     improve_layout,
     require_drawing,
 )
+from ...optimization.refinement.repair import repair_layout
 from ...optimization.studies.risks import check_cord_count, find_risks
 from ...sensing.built_cord import BuiltCord
 from ...sensing.response import mean_strain, segment_strain_range
@@ -103,6 +104,7 @@ def run(
     observer = SearchObserver(build.folder, watch)
     use_plain_fields(build)
     task = load_task(device, build)
+    device, repaired = _repair_drawing(device, task, report)
 
     def choose(
         task: DesignTask, found: Sequence[OptimizedLayout]
@@ -138,7 +140,7 @@ def run(
         build.forces = pose_forces(device, build.quadratic_mesh, build.plain_fields)
     save_forces(build.folder, build.forces)
     record = _layout_record(device, build, task, chosen, trials)
-    warnings = (*record.warnings, *stiffness)
+    warnings = (*record.warnings, *stiffness, *repaired)
     build.layout = replace(record, continued=how, warnings=warnings)
     build.prediction = PredictionRecord(
         task.points,
@@ -155,6 +157,34 @@ def run(
     if chosen.part_set is None or chosen.relief is None:
         return None
     return Winner(chosen.relief.device, chosen.relief.notes, chosen.part_set, task)
+
+
+def _repair_drawing(
+    device: Device, task: DesignTask, report: Report
+) -> tuple[Device, tuple[str, ...]]:
+    """Repair drawn cords that break a limit and whose paths are free.
+
+    Returns:
+        The device with the repaired cords, which a search can start from, and a sentence on each.
+
+    Raises:
+        LayoutError: A limit stays broken, or the cord that breaks it may not move.
+    """
+    problem = task.design
+    if not verify(device.sensors, problem.surface, problem.limits).violations:
+        return device, ()
+    report(0.0, f"repairing {device.cord.noun}s that break a limit")
+    movable = [s.name for s in device.sensors if "path" in s.free]
+    found = repair_layout(
+        device.sensors, problem.surface, problem.limits, names=movable, depth=problem.depth
+    )
+    require_drawing(problem, found.sensors)
+    notes = tuple(
+        f"The drawn {device.cord.noun} {name!r} broke a limit: the search started from a path up to"
+        f" {move:.2f} mm from it."
+        for name, move in found.moves.items()
+    )
+    return replace(device, sensors=found.sensors), notes
 
 
 def _stiffen(

@@ -260,6 +260,8 @@ STAGES = (
         "close other programs",
     ),
 )
+#: Names of the stages that need no cords.
+STAGES_WITHOUT_CORDS = ("body", "mesh", "simulate")
 
 
 Versions = Mapping[str, list[tuple[str, str | None]]]

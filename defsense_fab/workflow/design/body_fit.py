@@ -1,8 +1,8 @@
-"""Find what of a device is outside its body, and move it with the body's bounding box."""
+"""Find what of a device no longer fits its body, and fit it to the body."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -11,17 +11,24 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.curve import Hermite, Plane
 from ...core.device.device import Device, PointDrag, Sensor
-from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere
+from ...core.device.regions import Box, Cylinder, HalfSpace, Shape, Sphere, inset
 from ...core.mesh import Surface
-from ...geometry.bodies.regions import sample_skin
+from ...geometry.bodies.regions import EXIT_TOLERANCE_MM, sample_skin
 from ...geometry.kernels.surface_queries import signed_distance_of
 from ...optimization.limits.verification import LayoutCheck, verify
+from ...optimization.limits.verification import LimitViolation as LimitViolation
 from ...optimization.prediction.design_task import layout_limits
+from ...optimization.refinement.repair import Repair, repair_layout
 
 #: Limits that a cord breaks because the body is elsewhere.
 OUTSIDE_CODES = ("path-leaves-body", "end-far-from-surface")
 _MAX_PULL_HEIGHT_MM = 1.0  # of a pulled point above the skin: meshes deviate from the body
 _SKIN_SAMPLES = 20_000
+_MIN_COMMON_SHARE = 0.5  # of the skin in a region and in its place on the changed body, together
+
+#: A cord, region or pose: what it is, and its name.
+Kind = Literal["cord", "region", "pose"]
+Item = tuple[Kind, str]
 
 
 @dataclass(frozen=True)
@@ -33,10 +40,10 @@ class Misfit:
         name: Its name.
         text: What is wrong, in one sentence.
         at: Where (3,), mm.
-        is_outside: Whether it is outside of the body; otherwise it ends far inside.
+        is_outside: Whether it is outside of the body; otherwise it is in a wrong place inside.
     """
 
-    kind: Literal["cord", "region", "pose"]
+    kind: Kind
     name: str
     text: str
     at: tuple[float, float, float]
@@ -59,19 +66,48 @@ def skin_points(surface: Surface) -> Float:
     )
 
 
-def find_misfits(device: Device, surface: Surface, check: LayoutCheck | None) -> list[Misfit]:
+def find_misfits(
+    device: Device,
+    surface: Surface,
+    check: LayoutCheck | None,
+    maps: Mapping[Item, BoxMap] | None = None,
+) -> list[Misfit]:
     """Return the cords, regions and pulls that do not fit a body.
 
     Args:
         device: The device.
         surface: Surface of the body.
         check: The cords as they were checked in this body, or None.
+        maps: Maps from an earlier body, for what was made for it. Such a cord must keep all limits,
+            and such a region must hold about the same part of the body as before.
     """
+    maps = maps or {}
     return [
-        *(_cord_misfits(check) if check is not None else ()),
-        *_region_misfits(device, surface),
+        *(_cord_misfits(check, maps) if check is not None else ()),
+        *_region_misfits(device, surface, maps),
         *_pull_misfits(device, surface),
     ]
+
+
+def fit_cords(
+    device: Device, surface: Surface, names: Collection[str], maps: Mapping[Item, BoxMap]
+) -> Repair:
+    """Move cords with the bounding box of the body, and repair the limits that they break there.
+
+    Args:
+        device: The device.
+        surface: Surface of the body.
+        names: Names of the cords; the others stay.
+        maps: Maps from the earlier body, for the cords that were made for it.
+
+    Raises:
+        DeviceError: No length of channel is allowed.
+    """
+    moved = []
+    for sensor in device.sensors:
+        box_map = maps.get(("cord", sensor.name)) if sensor.name in names else None
+        moved.append(sensor if box_map is None else box_map.cord(sensor))
+    return repair_layout(moved, surface, layout_limits(device), names=names)
 
 
 class BoxMap:
@@ -126,28 +162,39 @@ class BoxMap:
         return replace(drag, at=self.point(drag.at))
 
 
-def _cord_misfits(check: LayoutCheck) -> list[Misfit]:
+def _cord_misfits(check: LayoutCheck, maps: Mapping[Item, BoxMap]) -> list[Misfit]:
     found: dict[str, Misfit] = {}
     for violation in check.violations:
-        if violation.code in OUTSIDE_CODES:
-            (name,), is_outside = violation.cords, violation.code == OUTSIDE_CODES[0]
-            misfit = Misfit("cord", name, str(violation), violation.at, is_outside)
-            found.setdefault(name, misfit)
+        is_outside = violation.code == OUTSIDE_CODES[0]
+        for name in violation.cords:
+            if violation.code in OUTSIDE_CODES or ("cord", name) in maps:
+                misfit = Misfit("cord", name, str(violation), violation.at, is_outside)
+                if name not in found or (is_outside and not found[name].is_outside):
+                    found[name] = misfit
     return list(found.values())
 
 
-def _region_misfits(device: Device, surface: Surface) -> list[Misfit]:
+def _region_misfits(device: Device, surface: Surface, maps: Mapping[Item, BoxMap]) -> list[Misfit]:
     low, high = surface.bounds
-    return [
-        Misfit(
-            "region",
-            name,
-            f"{name} holds no point of the body",
-            _place(np.clip(_middle(shape), low, high)),
-        )
-        for name, shape in device.regions.items()
-        if not len(sample_skin(shape, surface))
-    ]
+    found = []
+    for name, shape in device.regions.items():
+        box_map = maps.get(("region", name))
+        if not len(sample_skin(shape, surface)):
+            text, is_outside = f"{name} holds no point of the body", True
+        elif box_map is not None and not _hold_the_same(shape, box_map.region(shape), surface):
+            text, is_outside = f"{name} holds another part of the body than before", False
+        else:
+            continue
+        at = _place(np.clip(_middle(shape), low, high))
+        found.append(Misfit("region", name, text, at, is_outside))
+    return found
+
+
+def _hold_the_same(some: Shape, other: Shape, surface: Surface) -> bool:
+    """Return whether two regions hold about the same part of the skin."""
+    skin = surface.scatter(_SKIN_SAMPLES, np.random.default_rng(0))
+    a, b = (inset(shape, skin)[0] > -EXIT_TOLERANCE_MM for shape in (some, other))
+    return bool((a & b).sum() >= _MIN_COMMON_SHARE * (a | b).sum())
 
 
 def _pull_misfits(device: Device, surface: Surface) -> list[Misfit]:

@@ -30,7 +30,7 @@ def states(p):
         (progress((), STAGES, misfit="1 region lies outside the body"), "poses", None),
         (progress(STAGES[:3], cords=0), "sensors", None),
         (progress(STAGES[:3], cords=0, proposed=2), "optimize", "optimize"),
-        (progress(STAGES[:3], limits=LimitState(is_broken=True)), "sensors", None),
+        (progress(STAGES[:3], limits=LimitState(is_broken=True, broken_cord="a")), "sensors", None),
         (progress(STAGES[:3]), "optimize", "optimize"),
         (progress(STAGES[:4]), "make", "report"),
         (progress(STAGES), "measure", None),
@@ -64,6 +64,12 @@ def test_changed_body_makes_later_steps_stale():
 
 def test_region_outside_the_body_makes_the_poses_stale():
     assert states(progress(STAGES, misfit="1 region lies outside the body"))["poses"] == "stale"
+
+
+def test_next_action_names_the_cord_that_breaks_a_limit():
+    limits = LimitState(is_broken=True, broken_cord="a")
+    assert next_action(progress(STAGES[:3], limits=limits)).cord == "a"
+    assert not next_action(progress(STAGES[:3])).cord
 
 
 def test_broken_limit_makes_the_sensors_stale():

@@ -244,6 +244,20 @@ def test_the_body_waits_for_another_job(grip, jobs, surfaces):
     assert jobs.started == ["body", "build", "body"]
 
 
+def test_a_body_that_a_build_has_interrupted_is_made_after_it(grip, jobs, surfaces):
+    grip.session.jobs.is_replacing = True
+    jobs.end(CANCELLED)
+    grip.session.jobs.is_replacing = False
+    grip.browser.ask("start-build", stage="simulate")
+    assert status(grip).state == "waiting"
+    jobs.end("region-outside-body")
+    grip.poll()
+    assert jobs.started == ["body", "build", "body"]
+    jobs.end(CANCELLED)  # by the user
+    grip.poll()
+    assert (status(grip).state, len(jobs.started)) == ("stopped", 3)
+
+
 def test_a_script_from_elsewhere_does_not_run_before_the_user_agrees(tmp_path, jobs, own_settings):
     app = open_app(write_device(tmp_path / "grip"), trusted=False)
     assert jobs.started == []

@@ -72,6 +72,68 @@ def test_point_needs_as_many_coordinates_as_its_path(app, to):
         app.browser.ask("drag-point", cord=name, index=1, to=to)
 
 
+def drag(app, name, index, by, kind="drag-point"):
+    """Move a control point or its tangent, and write it."""
+    curve = written(app)[name].curve
+    start = curve.points if kind == "drag-point" else curve.tangents
+    to = (start[index] + by).tolist()
+    more = {"snap": False} if kind == "drag-point" else {}
+    app.browser.ask(kind, cord=name, index=index, to=to, write=True, **more)
+
+
+def broken(app, name):
+    return {v.code: v for v in prediction(app).drawn.violations if name in v.cords}
+
+
+def test_broken_cords_are_repaired_in_one_step_of_undo(app):
+    first, second = list(cords(app))[:2]
+    for name, by in ((first, [0.0, 9.0]), (second, [0.0, -16.0])):
+        drag(app, name, 3, by)
+    assert broken(app, first)
+    assert broken(app, second)
+    text = app.session.project.text
+    found = app.browser.ask("repair-cords", cords=[])
+    assert set(found.cords) == {first, second}
+    assert 0 < found.largest_move < 16
+    assert not found.remaining
+    assert not prediction(app).drawn.violations
+    app.browser.ask("undo")
+    assert app.session.project.text == text
+
+
+def test_one_cord_is_repaired_alone(app):
+    first, second = list(cords(app))[:2]
+    for name, by in ((first, [0.0, 9.0]), (second, [0.0, -16.0])):
+        drag(app, name, 3, by)
+    app.browser.ask("repair-cords", cords=[first])
+    assert not broken(app, first)
+    assert broken(app, second)
+
+
+def test_nothing_to_repair_and_no_repair_are_reported(app):
+    with raises(LayoutError, "nothing-to-repair"):
+        app.browser.ask("repair-cords", cords=[])
+    name = next(iter(cords(app)))
+    cord = cords(app)[name]
+    far = [x + 500 for x in cord.origin]
+    app.browser.ask("drag-plane", cord=name, origin=far, axes=cord.axes, write=True)
+    with raises(LayoutError, "repair-failed", cord=name):
+        app.browser.ask("repair-cords", cords=[name])
+
+
+def test_smoothing_breaks_no_limit(app):
+    name = next(iter(cords(app)))
+    count = len(cords(app)[name].points)
+    for index, side in ((2, 4.0), (3, -4.0), (4, 4.0)):
+        drag(app, name, index, [-4.0 * (index == 4), side])
+    drag(app, name, count - 3, [-40.0, 0.0], kind="drag-tangent")
+    app.browser.ask("repair-cords", cords=[name])
+    assert not broken(app, name)
+    app.browser.ask("smooth-cord", cord=name)
+    assert cords(app)[name].is_smooth
+    assert not broken(app, name)
+
+
 def test_tangent_and_plane_are_dragged(app):
     name, cord = next(iter(cords(app).items()))
     app.browser.ask("drag-tangent", cord=name, index=1, to=[9.0, 3.0], write=True)

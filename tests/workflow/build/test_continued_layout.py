@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.errors import DeviceError, LayoutError
 from defsense_fab.geometry.printing.export import write_stl
+from defsense_fab.optimization.prediction.design_task import layout_limits
 from defsense_fab.store.layout import load_layout
+from defsense_fab.studio.background.background_job import JobReporter
+from defsense_fab.studio.background.build_job import run_build
 from defsense_fab.workflow.build import stage_optimize
 from defsense_fab.workflow.build.build import build, freshness
 from defsense_fab.workflow.build.options import BuildOptions
 from tests.conftest import box_surface
+from tests.support.errors import raises
 from tests.support.places import DEVICES
 
 
@@ -105,6 +111,41 @@ def test_a_layout_that_breaks_the_new_limits_is_improved(folder, no_search):
     after, _ = optimize(folder)
     assert after.continued == "improved"
     assert min(cord.min_wall for cord in after.sensors) >= wall - 0.01
+
+
+def outside_by(folder, distance):
+    """Move the first cord until its wall is too thin by a distance, mm."""
+    device = load_device(folder)
+    limit = 15 - layout_limits(device).depth + distance
+    edit(folder, "origin = [0, 8, 0]", f"origin = [0, {limit:.3f}, 0]")
+
+
+@pytest.mark.parametrize("options", [{}, {"search": True}])
+def test_a_drawn_cord_outside_a_limit_is_repaired_first(folder, options):
+    outside_by(folder, 0.01)
+    layout, _ = optimize(folder, **options)
+    assert any("left" in warning for warning in layout.warnings)
+    assert all(cord.min_wall >= layout.limits.wall - 0.01 for cord in layout.sensors)
+
+
+def test_a_locked_cord_outside_a_limit_is_refused(folder):
+    outside_by(folder, 0.01)
+    edit(folder, 'free = ["path", "plane"]', "free = []")
+    with raises(LayoutError, "wall-too-thin", cord="left"):
+        optimize(folder)
+
+
+def test_a_device_without_cords_is_simulated(folder):
+    text = (folder / "device.toml").read_text("utf-8")
+    before, after = text[: text.index("[[sensors]]")], text[text.index("[design]") :]
+    (folder / "device.toml").write_text(before + after)
+    with raises(DeviceError, "sensors-missing"):
+        load_device(folder)
+    edit(folder, "degrees = -30", "degrees = -20")
+    run_build(
+        JobReporter(SimpleNamespace(poll=lambda: False, send=lambda _: None)), folder, "simulate"
+    )
+    assert freshness(load_device(folder, cords=False))["simulate"] == "current"
 
 
 def test_a_moved_cord_is_improved_from_where_it_is_drawn(folder, no_search):

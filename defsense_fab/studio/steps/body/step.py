@@ -172,8 +172,9 @@ class BodyStep(Step):
                 self._should_restart = False
                 self._start()
                 return
-            if was_stopped:  # by the user, or by a build, or because the built body is current
-                self._set_state("stopped" if self._state == "making" else self._state)
+            if was_stopped:
+                if self._state == "making":  # otherwise the built body is current
+                    self._set_state("waiting" if self.session.jobs.is_replacing else "stopped")
                 return
             if error is not None:
                 self._set_state("failed", error)

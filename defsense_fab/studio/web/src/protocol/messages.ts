@@ -71,6 +71,7 @@ export interface Protocol {
     | RenameDevice
     | RenamePose
     | RenameRegion
+    | RepairCords
     | ResetField
     | ResetParameter
     | Restore
@@ -512,7 +513,9 @@ export interface FitResponse {
   id: number;
 }
 /**
- * Move cords, regions and poses as the bounding box of the body has changed.
+ * Fit to the newest body what no longer fits it.
+ *
+ *     It moves as the bounding box of the body has changed, and cords keep the limits if possible.
  */
 export interface FitToBody {
   kind: "fit-to-body";
@@ -808,6 +811,17 @@ export interface RenameRegion {
   name: string;
 }
 /**
+ * Move cords as little as possible so that they keep all limits.
+ *
+ *     Attributes:
+ *         cords: Names of the cords that may move; empty for all.
+ */
+export interface RepairCords {
+  kind: "repair-cords";
+  id: number;
+  cords: string[];
+}
+/**
  * Remove a key from `device.toml`, so that its default holds.
  */
 export interface ResetField {
@@ -1041,7 +1055,7 @@ export interface SimulateSpecimens {
   id: number;
 }
 /**
- * Compute the tangents of a cord from its points.
+ * Compute the tangents of a cord from its points, which move if a limit needs it.
  */
 export interface SmoothCord {
   kind: "smooth-cord";
@@ -2516,12 +2530,14 @@ export interface StepStatus {
  *         hint: What it does.
  *         step: The step that it belongs to.
  *         stage: The stage that it builds; None if it only opens the step.
+ *         cord: The cord whose broken limit it shows; empty for none.
  */
 export interface NextAction {
   label: string;
   hint: string;
   step: "body" | "inside" | "make" | "measure" | "optimize" | "poses" | "sensors";
   stage: ("mesh" | "optimize" | "report" | "simulate") | null;
+  cord: string;
 }
 /**
  * Whether shapes for small pictures of poses are being computed.
@@ -3046,6 +3062,7 @@ export interface Results {
   "rename-device": null;
   "rename-pose": null;
   "rename-region": null;
+  "repair-cords": RepairResult;
   "reset-field": null;
   "reset-parameter": null;
   restore: null;
@@ -3227,6 +3244,19 @@ export interface PointNumbers {
  */
 export interface AnimationResult {
   text: string;
+}
+/**
+ * The cords that were moved so that they keep the limits.
+ *
+ *     Attributes:
+ *         cords: Names of the cords that moved.
+ *         largest_move: How far a point of their paths moved at most, mm.
+ *         remaining: Limits that are still broken, in words.
+ */
+export interface RepairResult {
+  cords: string[];
+  largestMove: number;
+  remaining: string[];
 }
 /**
  * The newest frame's facts; None before the first frame.

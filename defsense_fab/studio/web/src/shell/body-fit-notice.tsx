@@ -20,14 +20,21 @@ const LABELED: Partial<Record<StepName, readonly MisfitState["kind"][]>> = {
 };
 
 const SHORT: Record<MisfitState["kind"], string> = {
-  cord: "outside the body",
-  region: "no point of the body",
+  cord: "does not fit the body",
+  region: "not in its place",
   pose: "pulls outside the body",
 };
 
 const closedText = signal("");
 
-const fit = () => void run(connection.send("fit-to-body", {}));
+const isFitting = signal(false);
+const EFFECT = "Move them as the body has changed, and keep the limits of cords; undo reverts it";
+
+async function fit(): Promise<void> {
+  isFitting.value = true;
+  await run(connection.send("fit-to-body", {}));
+  isFitting.value = false;
+}
 
 function labels(): Label[] {
   const kinds = LABELED[step.value] ?? [];
@@ -48,10 +55,10 @@ export function BodyFitNotice() {
     {
       id: "body.fit",
       label: "Fit cords and regions to the body",
-      hint: "Move them as the bounding box of the body has changed",
+      hint: EFFECT,
       group: "Body",
       when: () => bodyFit.value?.canFit ?? false,
-      run: fit,
+      run: () => void fit(),
     },
   ]);
   useEffect(() => effect(() => viewer.value?.labels.set("misfits", labels())), []);
@@ -63,7 +70,7 @@ export function BodyFitNotice() {
       <Icon name="warning" />
       <p>{text}</p>
       {canFit && (
-        <Button hint="Move them as the bounding box of the body has changed; undo reverts it" onClick={fit}>
+        <Button hint={EFFECT} isBusy={isFitting.value} onClick={() => void fit()}>
           Fit them to the body
         </Button>
       )}

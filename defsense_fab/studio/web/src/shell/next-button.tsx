@@ -1,3 +1,4 @@
+import { runCommand } from "../commands";
 import { startBuild } from "../state/building";
 import { connection, isJobActive, pipeline } from "../state/connection";
 import { run } from "../state/run";
@@ -12,6 +13,7 @@ export function doNext(): void {
   if (!next || (next.stage && isJobActive.value)) return;
   if (isNextHere.value) document.querySelector<HTMLElement>(PANEL_BUTTONS)?.focus();
   enterStep(next.step);
+  if (next.cord) requestAnimationFrame(() => runCommand("sensor.show-limit"));
   if (next.stage) void startBuild(next.stage);
   else if (next.step === "body") void run(connection.send("make-body", {}));
 }

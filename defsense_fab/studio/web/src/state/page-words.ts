@@ -13,6 +13,8 @@ const ASSIGNMENT = new RegExp(
 );
 const TABLE = new RegExp(`\\[(${TABLES})\\]`, "g");
 
+const REGION_PLACE = /device\.toml(:\d+)?: regions\./;
+
 /** Keys that the page shows in another way than as a field. */
 const OTHER_LABELS: Record<string, string> = {
   "cord.length": "Length of a cord",
@@ -80,11 +82,11 @@ export function inPageWords(text: string): string {
     .replace(/\b(under|in) (“[^”]+”) in device\.toml/g, "$1 $2")
     .replaceAll("control_points", "control points")
     .replaceAll("held_out", "held-out states");
-  if (translated === text) return text;
+  if (translated === text && !REGION_PLACE.test(text)) return text;
   return capitalized(
     translated
       .replace(/ in device\.toml\b/g, "")
-      .replace(/^[^“]*?device\.toml(:\d+)?: (sensors: |poses: )?/, ""),
+      .replace(/^[^“]*?device\.toml(:\d+)?: (sensors: |poses: |regions\.[^:]+: )?/, ""),
   );
 }
 

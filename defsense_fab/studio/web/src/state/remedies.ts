@@ -2,11 +2,11 @@
 import { runCommand } from "../commands";
 import type { Problem } from "../protocol/messages";
 import { startBuild } from "./building";
-import { connection, device } from "./connection";
+import { bodyFit, connection, device } from "./connection";
 import { fieldLabel, findField } from "./page-words";
 import { run } from "./run";
-import { select } from "./selection";
-import { enterStep } from "./step";
+import { type ItemKind, select } from "./selection";
+import { type StepName, enterStep } from "./step";
 
 export interface Remedy {
   label: string;
@@ -33,11 +33,27 @@ function canSuggest(field: string, value: number): boolean {
   return field !== "design.sensors" || value >= (device.peek()?.cords.length ?? 0);
 }
 
+const REGIONS = "regions.";
+
+/** A region follows the body that has changed, or is moved by hand. */
+function regionRemedy(name: string): Remedy {
+  if (bodyFit.peek()?.canFit) {
+    return { label: "Fit to the body", run: () => void run(connection.send("fit-to-body", {})) };
+  }
+  return { label: `Select ${name}`, run: () => selectIn("poses", "region", name) };
+}
+
+function selectIn(step: StepName, kind: ItemKind, name: string): void {
+  enterStep(step);
+  select({ kind, name });
+}
+
 /** The button for a problem, or null. */
 export function remedyOf({ code, cord, field, text, suggestion }: Problem): Remedy | null {
   if (cord && device.peek()?.cords.some(({ name }) => name === cord)) {
-    return { label: `Show ${cord} in Sensors`, run: () => showCord(cord) };
+    return { label: `Show ${cord} in Sensors`, run: () => selectIn("sensors", "cord", cord) };
   }
+  if (field.startsWith(REGIONS)) return regionRemedy(field.slice(REGIONS.length));
   const known = BY_CODE[code];
   if (known) return known;
   const label = fieldLabel(field);
@@ -50,11 +66,6 @@ export function remedyOf({ code, cord, field, text, suggestion }: Problem): Reme
   if (code === "no-room-for-cords") return DRAW;
   const shown = label ? { key: field, label } : findField(text);
   return shown && { label: `Show “${shown.label}”`, run: () => showField(shown.key) };
-}
-
-function showCord(name: string): void {
-  enterStep("sensors");
-  select({ kind: "cord", name });
 }
 
 const FRAMES = 20; // in which the step appears

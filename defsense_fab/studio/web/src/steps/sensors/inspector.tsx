@@ -8,9 +8,19 @@ import { runCommand } from "../../commands";
 import { CordComparison } from "./comparison";
 import { CordInspector } from "./cord-inspector";
 import { ProposeButton } from "./propose-button";
+import { RepairPanel } from "./repair";
 import { selectedCord } from "./state";
 
 export function SensorsInspector() {
+  return (
+    <>
+      <RepairPanel />
+      <Selected />
+    </>
+  );
+}
+
+function Selected() {
   const names = selectedNames("cord");
   const cord = selectedCord.value;
   if (cord) return <CordInspector cord={cord} key={cord.name} />;

@@ -2,18 +2,23 @@
 import { runCommand } from "../../commands";
 import { prediction } from "../../state/connection";
 import { Button } from "../../ui/button";
+import { isProposalWaiting, proposeObstacle } from "./propose";
 import { proposalShare } from "./state";
+
+const EFFECT = "Add the cord that lowers the error most";
 
 export function ProposeButton({ variant }: { variant: "plain" | "quiet" }) {
   const isReady = prediction.value?.isReady ?? false;
+  const isBusy = proposalShare.value !== null || isProposalWaiting.value;
+  const obstacle = proposeObstacle();
   return (
     <Button
       variant={variant}
       icon="idea"
       shortcut="P"
-      hint={isReady ? "Add the cord that lowers the error most" : prediction.value?.text}
-      disabled={!isReady}
-      isBusy={proposalShare.value !== null}
+      hint={obstacle || (isReady ? EFFECT : `${EFFECT}. The poses are simulated first`)}
+      disabled={obstacle !== ""}
+      isBusy={isBusy}
       onClick={() => runCommand("sensor.propose")}
     >
       Propose

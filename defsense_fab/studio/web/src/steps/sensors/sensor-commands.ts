@@ -2,11 +2,13 @@
 import type { Command } from "../../commands";
 import type { CordState } from "../../protocol/messages";
 import { viewer } from "../../scene/stage";
-import { connection, device, prediction } from "../../state/connection";
+import { connection, device } from "../../state/connection";
 import { run } from "../../state/run";
 import { select, selectedNames } from "../../state/selection";
 import { showToast } from "../../state/toasts";
 import { type MenuEntry, commandEntry, openContextMenu } from "../../ui/menu";
+import { propose, proposeObstacle } from "./propose";
+import { brokenCords, repairCords, showBrokenLimit } from "./repair";
 import { atOffset, offsetOf, planeAcross, type PlaneAxis } from "./planes";
 import {
   board,
@@ -14,7 +16,6 @@ import {
   isDrawing,
   isPlaneShown,
   isRedrawing,
-  proposalShare,
   selectedCord,
   selectedPoint,
 } from "./state";
@@ -161,7 +162,8 @@ const drawingCommands = (): readonly Command[] => [
 ];
 
 const hasCord = () => selectedCord.value !== null;
-const canPropose = () => Boolean(prediction.value?.isReady) && proposalShare.value === null;
+const hasBroken = () => brokenCords().length > 0;
+const isBroken = () => hasCord() && brokenCords().includes(selectedCord.value!.name);
 
 export const sensorCommands = (): readonly Command[] => [
   ...drawingCommands(),
@@ -187,10 +189,36 @@ export const sensorCommands = (): readonly Command[] => [
     hint: "Add the cord that lowers the error most",
     group: "Sensors",
     shortcut: "P",
-    when: canPropose,
-    reason: () =>
-      prediction.value?.isReady ? "A search is running" : (prediction.value?.text ?? ""),
-    run: () => void add(connection.send("propose", {})),
+    when: () => proposeObstacle() === "",
+    reason: proposeObstacle,
+    run: () => void propose(),
+  },
+  {
+    id: "sensor.repair",
+    label: "Repair the cord",
+    hint: "Move its control points until it keeps all limits",
+    group: "Sensors",
+    shortcut: "R",
+    when: isBroken,
+    reason: "Select a cord that breaks a limit first",
+    run: () => void repairCords([selectedCord.peek()!.name]),
+  },
+  {
+    id: "sensor.repair-all",
+    label: "Repair all cords",
+    hint: "Move control points until all cords keep all limits",
+    group: "Sensors",
+    when: hasBroken,
+    reason: "All limits are kept",
+    run: () => void repairCords([]),
+  },
+  {
+    id: "sensor.show-limit",
+    label: "Show the first broken limit",
+    group: "Sensors",
+    when: hasBroken,
+    reason: "All limits are kept",
+    run: showBrokenLimit,
   },
   {
     id: "sensor.next",

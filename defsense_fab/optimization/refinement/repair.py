@@ -1,0 +1,189 @@
+"""Move cords that break a limit as little as possible, so that they keep all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...core.curve import Hermite, Plane, per_span_for_signal, sample_path
+from ...core.device.device import Sensor
+from ...core.mesh import Surface
+from ...geometry.kernels.surface_queries import SignedDistance, signed_distance_of
+from ..limits.verification import LayoutCheck, LimitViolation, verify
+from ..limits.worsening import worsened_limits
+from ..problem.problem import Limits
+from ..search.starting_layouts import Layout
+from .descent import MAX_MARGIN_USE_MM
+from .path_in_body import ends_at_surface, pull_into_body, refitted_paths
+from .repair_program import RepairProgram
+from .sqp import minimize
+
+_ITERATIONS = 40
+_ROUNDS = 3  # descents in a row, as only a new one measures the inlets again
+_PASSES = 2  # over all cords, as one cord may make room for another
+_TOLERANCE = 1e-3  # smallest relative gain per iteration
+_DECIMALS, _DIRECTION_DECIMALS = 3, 6  # of device.toml
+
+
+@dataclass(frozen=True)
+class Repair:
+    """The result of a repair.
+
+    Attributes:
+        sensors: The layout, in which no limit is worse than before.
+        moves: How far each changed cord moved at most, mm, by name.
+        remaining: Limits that cords to be repaired still break.
+        check: The layout's numbers.
+    """
+
+    sensors: Layout
+    moves: Mapping[str, float]
+    remaining: tuple[LimitViolation, ...]
+    check: LayoutCheck
+
+    @property
+    def unrepaired(self) -> tuple[str, ...]:
+        """Names of the cords that still break a limit."""
+        return tuple(dict.fromkeys(name for v in self.remaining for name in v.cords))
+
+
+def repair_layout(
+    sensors: Sequence[Sensor],
+    surface: Surface,
+    limits: Limits,
+    *,
+    names: Collection[str] | None = None,
+    depth: SignedDistance | None = None,
+) -> Repair:
+    """Repair the cords that break a limit; the others stay as they are.
+
+    Each cord is repaired next to the others, from its own path or else from one that is fitted
+    again, then all of them together. Cords stay in their planes unless only another plane helps.
+
+    Args:
+        sensors: All cords of the layout, whatever they may do in a search.
+        surface: The body's surface.
+        limits: The limits.
+        names: Names of the cords that may move; None for all.
+        depth: Depth below the surface, computed if not given.
+    """
+    repairer = _Repairer(surface, limits, depth or signed_distance_of(surface))
+    return repairer.repair(tuple(sensors), names)
+
+
+class _Repairer:
+    """Repairs layouts in one body."""
+
+    def __init__(self, surface: Surface, limits: Limits, depth: SignedDistance) -> None:
+        self._surface, self._limits, self._depth = surface, limits, depth
+
+    def repair(self, sensors: Layout, names: Collection[str] | None) -> Repair:
+        before = self._check(sensors)
+        movable = [s.name for s in sensors if names is None or s.name in names]
+        layout, check = sensors, before
+        for _ in range(_PASSES):
+            for name in _broken(check, movable):
+                if name in _broken(check, movable):  # another cord may have made room meanwhile
+                    layout, check = self._repair_cord(layout, check, name)
+            broken = _broken(check, movable)
+            if len(broken) > 1:
+                layout, check = self._repair_together(layout, check, broken)
+            if not _broken(check, movable):
+                break
+        moves = {
+            new.name: _distance(old, new)
+            for old, new in zip(sensors, layout, strict=True)
+            if new is not old
+        }
+        remaining = tuple(v for v in check.violations if set(v.cords) & set(movable))
+        return Repair(layout, moves, remaining, check)
+
+    def _repair_cord(
+        self, layout: Layout, check: LayoutCheck, name: str
+    ) -> tuple[Layout, LayoutCheck]:
+        """Return the layout with one cord repaired as far as possible."""
+        k = [s.name for s in layout].index(name)
+        best = layout, check
+        for start, has_plane in self._starts(layout[k]):
+            trial = (*layout[:k], start, *layout[k + 1 :])
+            found = self._descend(trial, {name}, has_plane)
+            checked = self._check(found)
+            if worsened_limits(check, checked, self._limits):
+                continue
+            if not _broken(checked, [name]):
+                return found, checked
+            if len(checked.violations) < len(best[1].violations):
+                best = found, checked
+        return best
+
+    def _starts(self, sensor: Sensor) -> Iterator[tuple[Sensor, bool]]:
+        """Yield paths to repair a cord from, and whether its plane may move, the nearest first."""
+        starts = list(refitted_paths(sensor, self._surface, self._depth))
+        if ends_at_surface(sensor, self._surface, self._depth) or not starts:
+            starts.insert(0, sensor)
+        for start in starts:
+            yield start, False
+        pulled = pull_into_body(sensor, self._depth)
+        for start in (*starts, *refitted_paths(pulled, self._surface, self._depth)):
+            yield start, True
+
+    def _repair_together(
+        self, layout: Layout, check: LayoutCheck, names: Sequence[str]
+    ) -> tuple[Layout, LayoutCheck]:
+        for has_plane in (False, True):
+            found = self._descend(layout, set(names), has_plane)
+            checked = self._check(found)
+            is_better = len(checked.violations) < len(check.violations)
+            if is_better and not worsened_limits(check, checked, self._limits):
+                layout, check = found, checked
+            if not _broken(check, names):
+                break
+        return layout, check
+
+    def _descend(self, layout: Layout, names: Collection[str], has_plane: bool) -> Layout:
+        """Return the nearest layout that keeps the limits as the descents see them."""
+        target = layout
+        for n in range(_ROUNDS):
+            program = RepairProgram(
+                self._surface, self._depth, self._limits, layout, target, names, has_plane
+            )
+            loosest = MAX_MARGIN_USE_MM if n == 0 else 0.0
+            start = np.zeros(program.size)
+            found = minimize(program, start, _ITERATIONS, tolerance=_TOLERANCE, loosest=loosest)
+            layout = tuple(
+                _round(s) if s.name in names else old
+                for s, old in zip(program.layout(found.x), layout, strict=True)
+            )
+            if not _broken(self._check(layout), names):
+                break
+        return layout
+
+    def _check(self, layout: Layout) -> LayoutCheck:
+        return verify(layout, self._surface, self._limits, self._depth)
+
+
+def _broken(check: LayoutCheck, names: Collection[str]) -> list[str]:
+    """Return those of the names whose cords break a limit."""
+    broken = {name for v in check.violations for name in v.cords}
+    return [name for name in names if name in broken]
+
+
+def _distance(old: Sensor, new: Sensor) -> float:
+    """Return the largest distance (mm) of a path from where it was."""
+    a = sample_path(old, per_span_for_signal(old.curve))
+    b = sample_path(new, per_span_for_signal(new.curve))
+    return float(np.linalg.norm(b[:, None] - a, axis=2).min(axis=1).max())
+
+
+def _round(sensor: Sensor) -> Sensor:
+    """Round a cord as `device.toml` does."""
+    curve = Hermite(
+        np.round(sensor.curve.points, _DECIMALS), np.round(sensor.curve.tangents, _DECIMALS)
+    )
+    if not curve.is_planar:
+        return replace(sensor, curve=curve)
+    axes = np.round(sensor.plane.axes, _DIRECTION_DECIMALS)
+    plane = Plane.from_normal(np.round(sensor.plane.origin, _DECIMALS), axes[:, 2], axes[:, 0])
+    return replace(sensor, curve=curve, plane=plane)
