@@ -23,6 +23,7 @@ from ..messages.shell import Notice, Question, ScriptFile, Stage
 from ..project.agreement import Agreement
 from ..project.project import Project
 from .body_arrays import surface_arrays
+from .cord_colors import CordColors
 from .job_strip import JobStrip, Work
 
 _TITLES: dict[str, str] = {
@@ -86,6 +87,7 @@ class DeviceSession:
         self.on_layout_found: list[Callable[[CandidateLayout], None]] = []
         self.on_body_changed: list[Callable[[], None]] = []
         self.on_freshness: list[Callable[[], None]] = []
+        self._cord_colors = CordColors()
         self._judge_settings = ""
         self._judge_worker = LatestWorker(self._update_judge, self.show_error)
         self._freshness_worker = LatestWorker(self._check_freshness, self.show_error)
@@ -110,9 +112,23 @@ class DeviceSession:
             return _DEFAULT_SIZE_MM
         return float(np.ptp(self.surface.vertices, axis=0).max())
 
+    def cord_colors(self) -> dict[str, str]:
+        """Return the color of each drawn cord."""
+        return self._cord_colors.of([sensor.name for sensor in self.device.sensors])
+
     def apply(self, edit: Edit) -> None:
         """Change `device.toml`. Raises DefsenseError."""
         self.project.apply(edit)
+
+    def edit_and_lock(self, edit: Edit) -> None:
+        """Change `device.toml` by an edit that locks all cords, and say so. Raises DefsenseError."""
+        had_free_cords = any(sensor.free for sensor in self.device.sensors)
+        self.apply(edit)
+        if had_free_cords:
+            noun = self.device.cord.noun
+            self.notify(
+                f"The {noun}s are locked now: builds keep them as drawn. Unlock them in Sensors."
+            )
 
     def notify(self, text: str) -> None:
         """Show a short message in all browsers."""

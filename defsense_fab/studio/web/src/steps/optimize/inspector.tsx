@@ -106,18 +106,24 @@ function Number({ label, error, tone }: { label: string; error: number | null; t
   );
 }
 
+/** Whether the search has found cords that are better than the drawn ones. */
+function isBestBetter(): boolean {
+  const { best = null, drawn = null } = search.value ?? {};
+  return best !== null && (drawn === null || best < drawn);
+}
+
 /** One primary button: use what was found, or search. */
 function Actions() {
   const { obstacle = "", standing: code } = standing.value ?? {};
   const built = rows.value.find((row) => row.role === "built");
   const canUseBuilt = code === "drawn-differ" && built !== undefined && !built.isDrawn;
-  const hasBest = search.value?.state !== "none" && Boolean(search.value?.best);
+  const hasBest = isBestBetter();
   if (isSearching.value) {
     return (
       <Button
         variant={mainVariant.value}
         disabled={!hasBest}
-        hint={hasBest ? "Stop optimizing and draw the best cords" : "No cords within all limits yet"}
+        hint={hasBest ? "Stop optimizing and draw the best cords" : "No better cords within all limits yet"}
         onClick={() => void applyBest()}
       >
         Use the best so far
@@ -158,8 +164,8 @@ function Actions() {
         </Button>
       )}
       {hasBest && code !== "optimized" && code !== "locked" && !canUseBuilt && (
-        <Button hint="Draw the best cords that were found" onClick={() => void applyBest()}>
-          Use the best so far
+        <Button hint="Draw the best cords of the search that ended early" onClick={() => void applyBest()}>
+          Use the best found
         </Button>
       )}
     </div>
