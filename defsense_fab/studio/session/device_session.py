@@ -121,7 +121,7 @@ class DeviceSession:
         self.project.apply(edit)
 
     def edit_and_lock(self, edit: Edit) -> None:
-        """Change `device.toml` by an edit that locks all cords, and say so. Raises DefsenseError."""
+        """Change `device.toml` by an edit that locks all cords, and report it."""
         had_free_cords = any(sensor.free for sensor in self.device.sensors)
         self.apply(edit)
         if had_free_cords:

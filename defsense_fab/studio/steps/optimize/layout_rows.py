@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from ....core.device.device import Device, Sensor
 from ....core.errors import DefsenseError
 from ....workflow.build.results import Build
-from ....workflow.design.compare_layouts import DRAWN, VISUAL, ComparedLayout
+from ....workflow.design.compare_layouts import DRAWN, STRAIGHT, ComparedLayout
 from ....workflow.design.layout_judge import LayoutJudge
 from ....workflow.fabrication.print_time import print_hours
 from ...edits.edit import free_name
@@ -102,7 +102,7 @@ def layout_rows(context: RowContext, layouts: Sequence[ComparedLayout]) -> list[
 def is_complete(layouts: Sequence[ComparedLayout]) -> bool:
     """Return whether a comparison has computed all numbers of the layouts."""
     names = {layout.name for layout in layouts}
-    return VISUAL in names and all(
+    return STRAIGHT in names and all(
         layout.is_studied
         or layout.problem is not None
         or (layout.parts is not None and layout.band is not None)
@@ -142,7 +142,7 @@ def _role(layout: ComparedLayout) -> Role:
         return "studied"
     if layout.name == DRAWN:
         return "drawn"
-    return "by-eye" if layout.name == VISUAL else "candidate"
+    return "straight" if layout.name == STRAIGHT else "candidate"
 
 
 def _length(judge: LayoutJudge | None, sensors: Sequence[Sensor]) -> float | None:

@@ -187,9 +187,14 @@ function qualityText(): string {
   return shownFrame.value?.facts.qualityText ?? "";
 }
 
+const undoRest = {
+  label: "Undo",
+  run: () => void run(connection.send("undo-take-rest", {})),
+};
+
 function takeRest(): void {
   void run(connection.send("take-rest", {})).then((answer) => {
-    if (answer !== undefined) showToast("The present readings are those at rest now");
+    if (answer !== undefined) showToast("The present readings are those at rest now", undoRest);
   });
 }
 

@@ -1,3 +1,4 @@
+import { findCommand, isAvailable, runAnywhere } from "../commands";
 import { startBuild } from "../state/building";
 import { connection, device, isJobActive, pipeline } from "../state/connection";
 import { draw } from "../state/remedies";
@@ -15,6 +16,8 @@ export function doNext(): void {
   const next = pipeline.value?.next;
   if (!next || (next.stage && isJobActive.value)) return;
   if (next.step === "sensors" && device.value?.cords.length === 0) return draw();
+  const live = findCommand("measure.live");
+  if (next.step === "measure" && live && isAvailable(live)) return runAnywhere(live);
   if (isNextHere.value) document.querySelector<HTMLElement>(PANEL_BUTTONS)?.focus();
   const stays = next.stage === "simulate" && USES_OF_SIMULATION.includes(step.value);
   if (!stays) enterStep(next.step);
