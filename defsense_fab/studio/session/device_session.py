@@ -12,6 +12,7 @@ from ...core.device.device import Device, Sensor
 from ...core.errors import DefsenseError, StorageError
 from ...core.mesh import Surface
 from ...workflow.build.build import freshness
+from ...workflow.build.renamed_poses import carry_over_rename
 from ...workflow.build.results import Build, has_poses, last_build
 from ...workflow.design.layout_judge import LayoutJudge
 from ...workflow.starts.body_scripts import ScriptText
@@ -88,6 +89,7 @@ class DeviceSession:
         self.on_body_changed: list[Callable[[], None]] = []
         self.on_freshness: list[Callable[[], None]] = []
         self._cord_colors = CordColors()
+        self._former = project.device
         self._judge_settings = ""
         self._judge_worker = LatestWorker(self._update_judge, self.show_error)
         self._freshness_worker = LatestWorker(self._check_freshness, self.show_error)
@@ -256,12 +258,17 @@ class DeviceSession:
         self.jobs.close()
 
     def _follow_device(self, _: str) -> None:
+        former, self._former = self._former, self.device
+        is_renamed = carry_over_rename(former, self.device)
         if self.judge is not None and judge_settings(self.device) != self._judge_settings:
             self._judge_worker.give(self.device)
         self.build_error = None  # of the device as it was
         self.jobs.forget_problem()
         self._call(self.on_device_changed)
-        self.check_freshness()
+        if is_renamed:
+            self.load()  # the fields have other names now
+        else:
+            self.check_freshness()
 
     def _call(self, callbacks: list[Callable[[], None]]) -> None:
         for callback in callbacks:
