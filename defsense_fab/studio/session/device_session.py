@@ -93,6 +93,7 @@ class DeviceSession:
         self._judge_settings = ""
         self._judge_worker = LatestWorker(self._update_judge, self.show_error)
         self._freshness_worker = LatestWorker(self._check_freshness, self.show_error)
+        self._load_worker = LatestWorker[None](lambda _: self.load(), self.show_error)
         self._question_lock = threading.Lock()
         self._question: tuple[ScriptText, Callable[[], Any]] | None = None
         project.watchers.append(self._follow_device)
@@ -248,13 +249,14 @@ class DeviceSession:
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until the judge and the freshness are up to date; return False after a time."""
-        return self._judge_worker.wait(timeout_s) and self._freshness_worker.wait(timeout_s)
+        workers = (self._load_worker, self._judge_worker, self._freshness_worker)
+        return all(worker.wait(timeout_s) for worker in workers)
 
     def close(self) -> None:
         """End all running work."""
         self.project.watchers.remove(self._follow_device)
-        self._judge_worker.close()
-        self._freshness_worker.close()
+        for worker in (self._load_worker, self._judge_worker, self._freshness_worker):
+            worker.close()
         self.jobs.close()
 
     def _follow_device(self, _: str) -> None:
@@ -266,7 +268,7 @@ class DeviceSession:
         self.jobs.forget_problem()
         self._call(self.on_device_changed)
         if is_renamed:
-            self.load()  # the fields have other names now
+            self._load_worker.give(None)  # the fields have other names now
         else:
             self.check_freshness()
 
