@@ -59,6 +59,9 @@ class FixedDecoder:
     def rest_now(self) -> None:
         """Do nothing: the reference of the readings is fixed."""
 
+    def undo_rest_now(self) -> None:
+        """Do nothing: the reference of the readings is fixed."""
+
     def __call__(self, reading: Reading) -> LiveFrame | None:
         """Return the frame of a reading, or None if it is not later than the one before.
 

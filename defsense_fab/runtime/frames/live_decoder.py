@@ -5,6 +5,7 @@ A frame whose readings cannot be decoded repeats the last good positions.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from ...core.errors import LiveError
 from ...decoding.trained_model import Decoded, TrainedModel, decode_inputs
 from ...sensing.response import relative_change
 from .live_faults import SWAPPED, LiveFault, LiveFaults, SwapWatch, fault_note
-from .live_frame import LiveFrame, Note, Quality
+from .live_frame import MEASURING_REST, LiveFrame, Note, Quality
 from .rest_tracker import Rest, RestTracker, drift_note
 
 UNTRAINED_DISTANCE = 1.5  # from the training; 1 % of the training's own readings lie beyond 1
@@ -48,7 +49,7 @@ UNTRAINED = Note(
 )
 NO_DECODER = Note("no-decoder-without-cord", "the model has no decoder without that cord")
 _WAITING = Note(
-    "measuring-rest",
+    MEASURING_REST,
     "leave the device at rest for two seconds while its resistances at rest are measured",
 )
 
@@ -132,6 +133,8 @@ class LiveDecoder:
         self._faults: list[LiveFault] = []
         self._number, self._mean_distance, self._is_rest_requested = 0, 0.0, False
         self._implausible_since = np.inf
+        self._restore_rest: Callable[[], None] | None = None
+        self._is_restoring = False
         self._rest_note, self._rest_note_until = Note("", ""), -np.inf
         self._last_good: Decoded | None = None
         self._last_time = -np.inf
@@ -146,6 +149,10 @@ class LiveDecoder:
         """Take the next readings as those at rest. May be called from any thread."""
         self._is_rest_requested = True
 
+    def undo_rest_now(self) -> None:
+        """Use R0 as it was before the last `rest_now`. May be called from any thread."""
+        self._is_restoring = True
+
     def __call__(self, reading: Reading) -> LiveFrame | None:
         """Return the frame of a reading, or None if it is not later than the one before.
 
@@ -159,7 +166,9 @@ class LiveDecoder:
         ohms = self._unswap(reading.ohms)
         failed = frozenset(f.channel for f in self._faults)
         rest = self._tracker(reading.time, ohms, failed)
-        if self._is_rest_requested or self._is_rest_wrong(reading.time, ohms, rest):
+        if self._is_restoring:
+            rest = self._undo_rest(reading.time)
+        elif self._is_rest_requested or self._is_rest_wrong(reading.time, ohms, rest):
             rest = self._set_rest(reading.time, rest, failed)
         if self._rest_ohms is None or self._follow_drift:
             self._use_rest(rest.ohms)
@@ -275,14 +284,28 @@ class LiveDecoder:
         is_requested, self._is_rest_requested = self._is_rest_requested, False
         self._implausible_since = np.inf
         self._rest_note_until = time + _REST_NOTE_S
+        restore = self._tracker.former()
         if not self._tracker.set_now(failed):
             self._rest_note = Note("rest-unchanged", "no cord can be read: R0 is unchanged")
             return rest
+        if is_requested:
+            self._restore_rest = restore
         skipped = tuple(self.model.channels[c] for c in sorted(failed))
         text = "R0 was set to the present readings" if is_requested else _REST_REMEASURED
         text += f" (except {', '.join(skipped)})" if skipped else ""
         code = "rest-set" if is_requested else "rest-remeasured"
         self._rest_note = Note(code, text, {"skipped": skipped})
+        return self._tracker.rest
+
+    def _undo_rest(self, time: float) -> Rest:
+        """Restore R0 as it was before the last request, and report it for some seconds."""
+        self._is_restoring = self._is_rest_requested = False
+        if self._restore_rest is not None:
+            self._restore_rest()
+            self._restore_rest = None
+            self._implausible_since = np.inf
+            self._rest_note = Note("rest-restored", "R0 is the former one again")
+            self._rest_note_until = time + _REST_NOTE_S
         return self._tracker.rest
 
     def _replacement_notes(self) -> list[Note]:

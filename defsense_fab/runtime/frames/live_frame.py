@@ -27,6 +27,10 @@ class Quality(StrEnum):
         return len(Quality) - 1 - list(Quality).index(self)
 
 
+#: Code of the note on a frame before the resistances at rest are known.
+MEASURING_REST = "measuring-rest"
+
+
 @dataclass(frozen=True)
 class Note:
     """A message to the user about a frame, an output or a run. Its `str` is the text.

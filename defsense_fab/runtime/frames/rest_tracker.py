@@ -10,6 +10,7 @@ in the middle of a pose counts no more than it lasts.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,6 +121,17 @@ class RestTracker:
         self._was_moved = self._has_settled = True
         self._mean_s = _PRIOR_REST_S
         return True
+
+    def former(self) -> Callable[[], None]:
+        """Return a function that restores the present R0."""
+        first, now, estimated = self._first, self._now, self._estimated
+        state = (self._was_moved, self._has_settled, self._mean_s)
+
+        def restore() -> None:
+            self._first, self._now, self._estimated = first, now, estimated
+            self._was_moved, self._has_settled, self._mean_s = state
+
+        return restore
 
     @property
     def rest(self) -> Rest:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.mesh import Surface
-from ..frames.live_frame import LiveFrame, Quality
+from ..frames.live_frame import MEASURING_REST, LiveFrame, Quality
 from .live_messages import DEVICE_ARRAYS, FRAME_ARRAYS, FrameFacts, LiveDevice
 from .messages import Arrays
 from .panel_actions import PanelActions
@@ -35,6 +35,7 @@ _QUALITY_TEXTS = {
     Quality.FALLBACK: "Decoded without {}, which has failed",
     Quality.LOST: "No usable reading: the last good shape is shown",
 }
+_STARTING = "Leave the device at rest: its resistances at rest are measured"
 
 
 def live_device(device: ViewedDevice, actions: PanelActions) -> LiveDevice:
@@ -99,12 +100,14 @@ class FrameArrays:
 
 def frame_facts(frame: LiveFrame) -> FrameFacts:
     """Return what is sent along with the arrays of a frame."""
+    is_starting = any(note.code == MEASURING_REST for note in frame.notes)
+    text = _QUALITY_TEXTS[frame.quality].format(frame.lost_channel)
     has_radius = bool(np.isfinite(frame.radius).any())
     return FrameFacts(
         number=frame.number,
         time=frame.time,
-        quality=frame.quality.value,
-        quality_text=_QUALITY_TEXTS[frame.quality].format(frame.lost_channel),
+        quality="starting" if is_starting else frame.quality.value,
+        quality_text=_STARTING if is_starting else text,
         marker_radius=float(np.nanmean(frame.radius)) if has_radius else None,
         tracking_error=frame.tracking_error,
         controls=_finite(frame.controls),

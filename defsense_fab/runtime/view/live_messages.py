@@ -72,7 +72,7 @@ class FrameFacts(Record, frozen=True, kw_only=True):
     Attributes:
         number: Number of the frame.
         time: Time of the sample on the board's clock, s.
-        quality: How far the frame can be trusted.
+        quality: How far the frame can be trusted; "starting" until the device's rest is known.
         quality_text: The same for users.
         marker_radius: Mean radius of the markers' 90 % intervals, mm; None if unknown.
         tracking_error: RMS distance of the markers from where cameras saw them, mm; None without.
@@ -82,7 +82,7 @@ class FrameFacts(Record, frozen=True, kw_only=True):
 
     number: int
     time: float
-    quality: Literal["trusted", "untrained", "fallback", "lost"]
+    quality: Literal["trusted", "untrained", "fallback", "lost", "starting"]
     quality_text: str
     marker_radius: float | None
     tracking_error: float | None
@@ -107,6 +107,12 @@ class WatchLive(Request, frozen=True, kw_only=True):
 
 class TakeRest(Request, frozen=True, kw_only=True):
     """Take the present readings as those of the device at rest."""
+
+    lane: ClassVar[str] = "live"
+
+
+class UndoTakeRest(Request, frozen=True, kw_only=True):
+    """Use the resistances at rest as they were before the last `TakeRest`."""
 
     lane: ClassVar[str] = "live"
 

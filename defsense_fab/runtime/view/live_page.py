@@ -14,14 +14,22 @@ from ...core.machine.local_access import Access
 from ..frames.live_frame import LiveFrame
 from .client import Client
 from .guided_screen import GuidedScreen
-from .live_messages import BendTwin, LivePage, PressKey, RecordAnimation, TakeRest, WatchLive
+from .live_messages import (
+    BendTwin,
+    LivePage,
+    PressKey,
+    RecordAnimation,
+    TakeRest,
+    UndoTakeRest,
+    WatchLive,
+)
 from .live_place import Handler, LivePlace
 from .messages import Request, Upload
 from .panel_actions import PanelActions
 from .viewed_device import ViewedDevice
 from .web_server import HOST, Download, WebServer
 
-_REQUESTS = (BendTwin, PressKey, RecordAnimation, TakeRest, Upload, WatchLive)
+_REQUESTS = (BendTwin, PressKey, RecordAnimation, TakeRest, UndoTakeRest, Upload, WatchLive)
 
 
 class PageApplication:

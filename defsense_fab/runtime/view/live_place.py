@@ -18,6 +18,7 @@ from .live_messages import (
     LiveNotes,
     RecordAnimation,
     TakeRest,
+    UndoTakeRest,
     WatchLive,
     WatchResult,
 )
@@ -56,6 +57,7 @@ class LivePlace:
         return {
             WatchLive: self._watch,
             TakeRest: self._take_rest,
+            UndoTakeRest: self._undo_take_rest,
             RecordAnimation: self._record_animation,
             BendTwin: self._bend_twin,
         }
@@ -128,6 +130,12 @@ class LivePlace:
         if rest is None:
             raise _not_running()
         rest()
+
+    def _undo_take_rest(self, _: Client, __: UndoTakeRest) -> None:
+        undo = None if self._actions is None else self._actions.undo_rest
+        if undo is None:
+            raise _not_running()
+        undo()
 
     def _bend_twin(self, _: Client, request: BendTwin) -> None:
         bend = None if self._actions is None else self._actions.bend

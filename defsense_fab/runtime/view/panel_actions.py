@@ -22,6 +22,7 @@ class PanelActions:
         bend: Bends the simulated device to levels of poses, 0 to 1, or lets it move automatically
             with None; None for a real device.
         poses: Names of the poses that the simulated device can be bent by.
+        undo_rest: Uses the resistances at rest as they were before `rest`.
     """
 
     rest: Callable[[], None] | None = None
@@ -31,3 +32,4 @@ class PanelActions:
     latency: Callable[[], str] | None = None
     bend: Callable[[Mapping[str, float] | None], None] | None = None
     poses: tuple[str, ...] = ()
+    undo_rest: Callable[[], None] | None = None

@@ -11,7 +11,7 @@ from ...workflow.view import Event, Record, Request
 Standing = Literal[
     "not-ready", "never-searched", "locked", "searching", "optimized", "drawn-differ", "outdated"
 ]
-Role = Literal["drawn", "built", "candidate", "by-eye", "studied", "earlier"]
+Role = Literal["drawn", "built", "candidate", "straight", "studied", "earlier"]
 
 
 class GhostCord(Record, frozen=True, kw_only=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,26 +12,15 @@ from ...core.device.device import FREEDOMS, Sensor
 from ...core.errors import LayoutError
 from ..messages.shell import CordState
 
-#: Colors of cords, distinct for color-blind people (Okabe & Ito 2008; Tol 2021, "bright").
-CORD_COLORS = (
-    "#0072b2",
-    "#e69f00",
-    "#009e73",
-    "#cc79a7",
-    "#56b4e9",
-    "#8f6d00",
-    "#aa3377",
-    "#66ccee",
-)
 _TANGENT_TOLERANCE_MM = 1e-3  # within which tangents count as computed from the points
 
 
-def cord_state(sensor: Sensor, index: int) -> CordState:
-    """Return a cord as the page gets it; its color follows from its index in the device."""
+def cord_state(sensor: Sensor, color: str) -> CordState:
+    """Return a cord as the page gets it."""
     plane = sensor.plane
     return CordState(
         name=sensor.name,
-        color=CORD_COLORS[index % len(CORD_COLORS)],
+        color=color,
         is_planar=sensor.curve.is_planar,
         origin=rounded(plane.origin),
         axes=plane.axes.T.tolist(),
@@ -43,9 +32,9 @@ def cord_state(sensor: Sensor, index: int) -> CordState:
     )
 
 
-def cord_states(sensors: Sequence[Sensor]) -> list[CordState]:
-    """Return cords as the page gets them."""
-    return [cord_state(sensor, k) for k, sensor in enumerate(sensors)]
+def cord_states(sensors: Sequence[Sensor], colors: Mapping[str, str]) -> list[CordState]:
+    """Return cords as the page gets them, with their colors by name."""
+    return [cord_state(sensor, colors[sensor.name]) for sensor in sensors]
 
 
 def path_points(sensor: Sensor) -> list[list[float]]:

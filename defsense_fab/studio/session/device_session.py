@@ -12,6 +12,7 @@ from ...core.device.device import Device, Sensor
 from ...core.errors import DefsenseError, StorageError
 from ...core.mesh import Surface
 from ...workflow.build.build import freshness
+from ...workflow.build.renamed_poses import carry_over_rename
 from ...workflow.build.results import Build, has_poses, last_build
 from ...workflow.design.layout_judge import LayoutJudge
 from ...workflow.starts.body_scripts import ScriptText
@@ -23,6 +24,7 @@ from ..messages.shell import Notice, Question, ScriptFile, Stage
 from ..project.agreement import Agreement
 from ..project.project import Project
 from .body_arrays import surface_arrays
+from .cord_colors import CordColors
 from .job_strip import JobStrip, Work
 
 _TITLES: dict[str, str] = {
@@ -86,9 +88,12 @@ class DeviceSession:
         self.on_layout_found: list[Callable[[CandidateLayout], None]] = []
         self.on_body_changed: list[Callable[[], None]] = []
         self.on_freshness: list[Callable[[], None]] = []
+        self._cord_colors = CordColors()
+        self._former = project.device
         self._judge_settings = ""
         self._judge_worker = LatestWorker(self._update_judge, self.show_error)
         self._freshness_worker = LatestWorker(self._check_freshness, self.show_error)
+        self._load_worker = LatestWorker[None](lambda _: self.load(), self.show_error)
         self._question_lock = threading.Lock()
         self._question: tuple[ScriptText, Callable[[], Any]] | None = None
         project.watchers.append(self._follow_device)
@@ -110,9 +115,23 @@ class DeviceSession:
             return _DEFAULT_SIZE_MM
         return float(np.ptp(self.surface.vertices, axis=0).max())
 
+    def cord_colors(self) -> dict[str, str]:
+        """Return the color of each drawn cord."""
+        return self._cord_colors.of([sensor.name for sensor in self.device.sensors])
+
     def apply(self, edit: Edit) -> None:
         """Change `device.toml`. Raises DefsenseError."""
         self.project.apply(edit)
+
+    def edit_and_lock(self, edit: Edit) -> None:
+        """Change `device.toml` by an edit that locks all cords, and report it."""
+        had_free_cords = any(sensor.free for sensor in self.device.sensors)
+        self.apply(edit)
+        if had_free_cords:
+            noun = self.device.cord.noun
+            self.notify(
+                f"The {noun}s are locked now: builds keep them as drawn. Unlock them in Sensors."
+            )
 
     def notify(self, text: str) -> None:
         """Show a short message in all browsers."""
@@ -230,22 +249,28 @@ class DeviceSession:
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until the judge and the freshness are up to date; return False after a time."""
-        return self._judge_worker.wait(timeout_s) and self._freshness_worker.wait(timeout_s)
+        workers = (self._load_worker, self._judge_worker, self._freshness_worker)
+        return all(worker.wait(timeout_s) for worker in workers)
 
     def close(self) -> None:
         """End all running work."""
         self.project.watchers.remove(self._follow_device)
-        self._judge_worker.close()
-        self._freshness_worker.close()
+        for worker in (self._load_worker, self._judge_worker, self._freshness_worker):
+            worker.close()
         self.jobs.close()
 
     def _follow_device(self, _: str) -> None:
+        former, self._former = self._former, self.device
+        is_renamed = carry_over_rename(former, self.device)
         if self.judge is not None and judge_settings(self.device) != self._judge_settings:
             self._judge_worker.give(self.device)
         self.build_error = None  # of the device as it was
         self.jobs.forget_problem()
         self._call(self.on_device_changed)
-        self.check_freshness()
+        if is_renamed:
+            self._load_worker.give(None)  # the fields have other names now
+        else:
+            self.check_freshness()
 
     def _call(self, callbacks: list[Callable[[], None]]) -> None:
         for callback in callbacks:

@@ -31,7 +31,7 @@ def start_build(session: DeviceSession, request: StartBuild) -> None:
                 action=f"Build them as drawn, or use the {noun}s of a search",
             )
         session.jobs.check_idle()
-        session.apply(lock_cords())
+        session.edit_and_lock(lock_cords())
     session.build(request.stage)
 
 

@@ -66,7 +66,7 @@ class ShellStep(Step):
                 redo_name=session.project.redo_name or "",
                 noun=device.cord.noun,
                 cord_radius=device.cord.diameter / 2,
-                cords=cord_states(device.sensors),
+                cords=cord_states(device.sensors, session.cord_colors()),
                 regions=list(device.regions),
                 poses=[pose.name for pose in device.poses],
             )

@@ -1,4 +1,4 @@
-"""Compare layouts: as drawn, by eye, the most accurate, and the simplest to make."""
+"""Compare layouts: as drawn, straight, the most accurate, and the simplest to make."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from ...store.layout import BandRecord, CordPath, LayoutRecord, WeighedRecord
 from .cord_trial import CordTrial, TrialBench
 from .session_shares import session_shares
 
-DRAWN, VISUAL, FULL, SIMPLE = "as drawn", "by eye", "most accurate", "simplest"
-#: Seconds that a trial, a layout by eye, a band and each triangle of the body take on a machine of
-#: 2024.
-_TRIAL_S, _VISUAL_S, _BAND_S, _TRIANGLE_S = 10.0, 2.0, 5.0, 3e-4
+DRAWN, STRAIGHT, FULL, SIMPLE = "as drawn", "straight", "most accurate", "simplest"
+#: Seconds that a trial, a straight layout, a band and each triangle of the body take on a machine
+#: of 2024.
+_TRIAL_S, _STRAIGHT_S, _BAND_S, _TRIANGLE_S = 10.0, 2.0, 5.0, 3e-4
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,9 @@ def tried_layouts(build: Build) -> list[ComparedLayout]:
     out = []
     for k, (record, cords) in enumerate(zip(layout.weighed, paths, strict=True), start=1):
         names = [n for n, w in ((FULL, best), (SIMPLE, simple)) if w is record]
-        out.append(_compared(layout, record, _cords(cords), " and ".join(names) or f"other {k}"))
+        out.append(
+            _compared(layout, record, _cords(cords), " and ".join(names) or f"candidate {k}")
+        )
     return out
 
 
@@ -140,7 +142,9 @@ def estimate_seconds(device: Device, build: Build) -> float:
     unmade = sum(k.parts is None and k.problem is None for k in tried)
     trials = 1 + bool(device.sensors) + unmade
     bands = trials + sum(k.band is None and k.parts is not None for k in tried)
-    return _VISUAL_S + trials * _TRIAL_S + bands * _BAND_S + (trials + 1) * _TRIANGLE_S * triangles
+    return (
+        _STRAIGHT_S + trials * _TRIAL_S + bands * _BAND_S + (trials + 1) * _TRIANGLE_S * triangles
+    )
 
 
 def compare_layouts(
@@ -149,7 +153,7 @@ def compare_layouts(
     on_layout: Callable[[ComparedLayout], None],
     report: Report,
 ) -> None:
-    """Make the drawn cords, a layout by eye and those not made yet on trial, and compute all bands.
+    """Make the drawn cords, straight ones and those not made yet on trial, and compute all bands.
 
     Args:
         device: The device.
@@ -164,12 +168,12 @@ def compare_layouts(
     task = load_task(device, build)
     count = len(layout.sensors)
     new = [(DRAWN, tuple(device.sensors))] if device.sensors else []
-    report(0.0, "placing cords by eye")
+    report(0.0, "placing straight cords where the strain is largest")
     try:
         rng = np.random.default_rng(SEED)
-        new.append((VISUAL, tuple(baselines.visual_layout(task.design, count, rng))))
+        new.append((STRAIGHT, tuple(baselines.visual_layout(task.design, count, rng))))
     except LayoutError as error:
-        on_layout(ComparedLayout(VISUAL, (), float("nan"), problem=str(error)))
+        on_layout(ComparedLayout(STRAIGHT, (), float("nan"), problem=str(error)))
     new += [(k.name, k.sensors) for k in tried if k.parts is None and k.problem is None]
     without_band = [k for k in tried if k.band is None and k.parts is not None]
     bench = TrialBench(device, build, task)

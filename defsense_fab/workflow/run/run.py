@@ -241,11 +241,12 @@ def panel_actions(
         folder: Folder of the run, which animations go to.
     """
     if animations is None:
-        return PanelActions(decoder.rest_now)
+        return PanelActions(decoder.rest_now, undo_rest=decoder.undo_rest_now)
     return PanelActions(
         decoder.rest_now,
         record_action(animations, folder),
         lambda: animations.recording is not None,
+        undo_rest=decoder.undo_rest_now,
     )
 
 

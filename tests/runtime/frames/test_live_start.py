@@ -80,6 +80,18 @@ def test_rest_now_sets_the_readable_cords_and_reports_it(model, run):  # noqa: F
     assert "rest-unchanged" in [note.code for note in frame.notes]
 
 
+def test_a_rest_that_was_taken_is_undone(model, run):  # noqa: F811
+    decoder = LiveDecoder(model, run.rest, run.rest)
+    moved = run.rest * 1.01
+    before = lie(decoder, moved, 0.2)
+    decoder.rest_now()
+    assert np.abs(lie(decoder, moved, 0.2, 1.0).signals).max() < 1e-3
+    decoder.undo_rest_now()
+    frame = lie(decoder, moved, 0.2, 2.0)
+    assert "rest-restored" in [note.code for note in frame.notes]
+    np.testing.assert_allclose(frame.signals, before.signals, atol=1e-3)
+
+
 def test_poses_held_step_by_step_do_not_become_the_rest():
     span, R0 = np.array([0.2]), np.array([1000.0])
     tracker = RestTracker(span, R0)

@@ -17,6 +17,7 @@ from defsense_fab.runtime.view.live_messages import (
     LiveNotes,
     RecordAnimation,
     TakeRest,
+    UndoTakeRest,
     WatchLive,
 )
 from defsense_fab.runtime.view.live_place import LivePlace
@@ -196,12 +197,16 @@ def test_recording_state_follows_recordings_that_start_elsewhere(place, server):
 
 
 def test_rest_is_taken_of_the_running_device(place):
-    taken = threading.Event()
-    with raises(LiveError, "not-running"):
-        ask(place, Browser(), TakeRest(id=1))
-    place.open(DEVICE, PanelActions(rest=taken.set))
+    taken, undone = threading.Event(), threading.Event()
+    for request in (TakeRest(id=1), UndoTakeRest(id=1)):
+        with raises(LiveError, "not-running"):
+            ask(place, Browser(), request)
+    place.open(DEVICE, PanelActions(rest=taken.set, undo_rest=undone.set))
     ask(place, Browser(), TakeRest(id=2))
     assert taken.is_set()
+    assert not undone.is_set()
+    ask(place, Browser(), UndoTakeRest(id=3))
+    assert undone.is_set()
 
 
 def test_markers_alone_are_shown_without_a_surface(place, server):

@@ -185,6 +185,24 @@ def test_a_cord_is_drawn_by_keys(open_sensors, folder):
     expect(page.get_by_role("radio", name="Select")).to_be_checked()
 
 
+def test_a_cord_is_drawn_by_clicks(open_sensors, folder):
+    page = open_sensors()
+    page.keyboard.press("Control+a")
+    page.get_by_role("radio", name="Select").focus()
+    page.keyboard.press("Delete")  # also while a tool has the focus
+    page.get_by_role("button", name="Add a cord").click()
+    expect(page.get_by_role("radio", name="Draw")).to_be_checked()
+    x, y = middle(page.get_by_role("application"))
+    page.mouse.click(x - 150, y)
+    page.get_by_text(re.compile("Point 1 at")).wait_for(state="attached")
+    page.mouse.click(x, y - 10)
+    page.get_by_text(re.compile("Point 2 at")).wait_for(state="attached")
+    page.mouse.dblclick(x + 150, y)
+    page.get_by_text("cord added").wait_for(state="attached")
+    (added,) = load_device(folder).sensors
+    assert added.curve.points[:, 0].min() < added.curve.points[:, 0].mean() - 30
+
+
 def test_a_broken_limit_is_labeled_at_its_place(open_sensors, studio):
     page = open_sensors()
     panel = page.get_by_role("region", name="Expected error and signals")

@@ -173,6 +173,11 @@ def test_refused_names_stay_and_escape_restores_them(page, folder):
     page.keyboard.press("Enter")
     assert until(lambda: [pose.name for pose in load_device(folder).poses] == ["bend_up", "twist"])
 
+    page.get_by_role("treeitem", name="twist", exact=True).press("Enter")
+    inspector(page, "Poses").get_by_role("button", name="Actions for twist").click()
+    page.get_by_role("menuitem", name="Rename").click()
+    expect(page.get_by_role("textbox", name="New name of twist")).to_be_focused()
+
 
 def test_arrow_keys_move_a_point_as_the_screen_shows_it(page):
     enter(page, "Sensors")

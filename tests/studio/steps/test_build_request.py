@@ -50,6 +50,7 @@ def test_cords_of_a_layout_are_locked_when_they_are_used(unlocked_app):
     app.browser.ask("use-layout", name="simplest")
     assert not any(sensor.free for sensor in session.device.sensors)
     assert not would_move_cords(session)
+    assert "locked now" in app.server.events[shell.Notice].text
     state = optimize_step(app).state
     assert "locked" in state.obstacle
     (taken,) = session.taken_layouts

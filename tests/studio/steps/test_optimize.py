@@ -123,7 +123,7 @@ def test_the_drawn_cords_are_a_row_with_numbers(app):
 def test_a_layout_that_does_not_exist_is_refused(app):
     step = optimize_step(app)
     with raises(LayoutError, "no-layout"):
-        app.browser.ask("use-layout", name="other 7")
+        app.browser.ask("use-layout", name="candidate 7")
     (step.session.project.folder / "build" / "layout.json").unlink()
     step.session.load()
     optimize_step(app)
@@ -148,14 +148,14 @@ def test_layouts_are_compared_and_one_is_used(made_app):
     layouts = server.events[messages.Layouts]
     assert layouts.compare_seconds == 0
     rows = {row.role: row for row in layouts.rows}
-    assert set(rows) == {"built", "by-eye"}
-    by_eye = rows["by-eye"]
-    assert by_eye.trained_low < by_eye.trained < by_eye.trained_high
-    assert by_eye.print_hours > 1
-    app.browser.ask("use-layout", name="by eye")
+    assert set(rows) == {"built", "straight"}
+    straight = rows["straight"]
+    assert straight.trained_low < straight.trained < straight.trained_high
+    assert straight.print_hours > 1
+    app.browser.ask("use-layout", name="straight")
     optimize_step(app)
     layouts = server.events[messages.Layouts]
-    assert [row.role for row in layouts.rows if row.is_drawn] == ["by-eye"]
+    assert [row.role for row in layouts.rows if row.is_drawn] == ["straight"]
     assert server.events[messages.OptimizeState].standing == "drawn-differ"
 
 

@@ -57,7 +57,13 @@ def built(small_bar, tmp_path):
 
 def test_all_tried_layouts_are_returned_in_order(built):
     layouts = tried_layouts(Build(built))
-    assert [layout.name for layout in layouts] == [FULL, "other 2", SIMPLE, "other 4", "other 5"]
+    assert [layout.name for layout in layouts] == [
+        FULL,
+        "candidate 2",
+        SIMPLE,
+        "candidate 4",
+        "candidate 5",
+    ]
     assert [layout.error for layout in layouts] == [0.50, 0.4, 0.52, 0.51, 0.60]
     assert layouts[1].problem == "too short"
     assert [layout.is_built for layout in layouts] == [False, False, True, False, False]

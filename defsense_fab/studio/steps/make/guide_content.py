@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,8 @@ from ....workflow.fabrication.assembly_guide import (
 from ....workflow.view import Arrays
 from ...messages import make as messages
 from ...session.body_arrays import surface_arrays
-from ...session.cord_states import CORD_COLORS, rounded
+from ...session.cord_colors import CORD_COLORS
+from ...session.cord_states import rounded
 
 FILES_PATH = "files/make/"  # of files of the build, on the server
 PLATES_FOLDER = "parts"
@@ -64,7 +66,11 @@ def part_meshes(guide: AssemblyGuide, identifier: str) -> Arrays:
 
 
 def guide_state(
-    device: Device, guide: AssemblyGuide, identifier: str, folder: Path
+    device: Device,
+    guide: AssemblyGuide,
+    identifier: str,
+    folder: Path,
+    colors: Mapping[str, str],
 ) -> messages.Guide:
     """Return the guide as the page gets it.
 
@@ -73,8 +79,8 @@ def guide_state(
         guide: The guide.
         identifier: Identifier of the build's parts.
         folder: Folder of the build.
+        colors: Colors of the drawn cords by name.
     """
-    colors = {s.name: CORD_COLORS[k % len(CORD_COLORS)] for k, s in enumerate(device.sensors)}
     cords = [
         messages.BuiltCordState(
             name=cord.name,

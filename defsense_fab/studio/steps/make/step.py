@@ -143,7 +143,9 @@ class MakeStep(Step):
             server.publish(_empty_guide())
         else:
             server.publish(parts_state(guide, identifier))
-            server.publish(guide_state(device, guide, identifier, build.folder))
+            server.publish(
+                guide_state(device, guide, identifier, build.folder, self.session.cord_colors())
+            )
         self._publish_progress()
         self._checker.give(None)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from ....core.device.device import Device, Sensor
 from ....core.errors import DefsenseError
 from ....workflow.build.results import Build
-from ....workflow.design.compare_layouts import DRAWN, VISUAL, ComparedLayout, tried_as
+from ....workflow.design.compare_layouts import DRAWN, STRAIGHT, ComparedLayout, tried_as
 from ....workflow.design.cord_trial import CordTrial
 from ....workflow.design.layout_judge import LayoutJudge
 from ....workflow.fabrication.print_time import print_hours
@@ -111,7 +111,7 @@ def best_layout(layouts: Sequence[ComparedLayout]) -> tuple[str, str]:
     It is the layout that the build has chosen, if it can be made, else the most accurate that was
     made on trial.
     """
-    tried = [layout for layout in layouts if layout.name not in (DRAWN, VISUAL)]
+    tried = [layout for layout in layouts if layout.name not in (DRAWN, STRAIGHT)]
     chosen = next((layout for layout in tried if layout.is_built), None)
     if chosen is None:
         return "", ""
@@ -131,7 +131,7 @@ def layout_rows(context: RowContext, layouts: Sequence[ComparedLayout]) -> list[
 def is_complete(layouts: Sequence[ComparedLayout]) -> bool:
     """Return whether a comparison has computed all numbers of the layouts."""
     names = {layout.name for layout in layouts}
-    return VISUAL in names and all(
+    return STRAIGHT in names and all(
         layout.is_studied
         or layout.problem is not None
         or (layout.parts is not None and layout.band is not None)
@@ -172,7 +172,7 @@ def _role(layout: ComparedLayout) -> Role:
         return "studied"
     if layout.name == DRAWN:
         return "drawn"
-    return "by-eye" if layout.name == VISUAL else "candidate"
+    return "straight" if layout.name == STRAIGHT else "candidate"
 
 
 def _length(judge: LayoutJudge | None, sensors: Sequence[Sensor]) -> float | None:

@@ -157,7 +157,7 @@ class OptimizeStep(Step):
 
     def _use(self, sensors: Sequence[Sensor], name: str) -> None:
         self.session.taken_layouts.append(tuple(sensors))
-        self.session.apply(replace(take_cords(sensors), name=name))
+        self.session.edit_and_lock(replace(take_cords(sensors), name=name))
 
     def _compare(self, _: Client, __: messages.CompareLayouts) -> None:
         obstacle = self._obstacle()

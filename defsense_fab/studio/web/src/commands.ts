@@ -16,7 +16,7 @@ export interface Command {
   otherShortcut?: string;
   /** Whether its key works while somebody types. */
   worksInFields?: boolean;
-  /** Whether its key removes something, and works in lists and in the scene alone. */
+  /** Whether its key removes something, and does not work in fields. */
   isRemoving?: boolean;
   /** The step in which its key works, before other commands; the palette enters it first. */
   step?: StepName;
@@ -114,9 +114,9 @@ function matches(event: KeyboardEvent, shortcut: string): boolean {
   return event.key.toLowerCase() === key.toLowerCase();
 }
 
-/** Whether the focus is where selected items are, and not on a control of something else. */
+/** Whether a key that removes something may do so: buttons have no use for it, fields may. */
 function canRemove(target: Element): boolean {
-  return !target.matches("button, input, a[href], summary") || Boolean(target.closest(".stage, [role=tree], .pose-cards"));
+  return !target.matches("input, a[href], summary") || Boolean(target.closest(".stage, [role=tree], .pose-cards"));
 }
 
 function onKeyDown(event: KeyboardEvent): void {

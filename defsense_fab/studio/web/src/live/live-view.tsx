@@ -12,6 +12,7 @@ import "./live.css";
 import { LiveScene } from "./live-scene";
 import { liveDevice, liveNotes, shownFrame, useFrames } from "./live-state";
 import { QualityBadge } from "./quality-badge";
+import { RestMessage, takeRest } from "./rest-message";
 import { SignalHistory, SignalPlot } from "./signal-plot";
 
 interface LiveViewProps {
@@ -75,6 +76,7 @@ export function LiveView({ status = "", onClose, onStop }: LiveViewProps) {
       </header>
       <div class="live-stage">
         <div ref={host} class="live-scene" />
+        <RestMessage />
         {isRunning ? (
           <CordLegend />
         ) : (
@@ -111,7 +113,7 @@ function LiveActions({ device }: { device: LiveDevice | null }) {
           icon="check"
           hint="Take the present readings as those of the device at rest"
           shortcut="T"
-          onClick={takeRest}
+          onClick={() => void takeRest()}
         >
           At rest now
         </Button>
@@ -187,12 +189,6 @@ function qualityText(): string {
   return shownFrame.value?.facts.qualityText ?? "";
 }
 
-function takeRest(): void {
-  void run(connection.send("take-rest", {})).then((answer) => {
-    if (answer !== undefined) showToast("The present readings are those at rest now");
-  });
-}
-
 async function recordAnimation(isOn: boolean): Promise<void> {
   const answer = await run(connection.send("record-animation", { isOn }));
   if (answer) showToast(answer.text);
@@ -204,7 +200,7 @@ function useLiveKeys(fit: () => void): void {
       const isTyping = (event.target as Element | null)?.matches?.("input, select, textarea");
       if (isTyping || event.ctrlKey || event.metaKey || event.altKey) return;
       const key = event.key.toLowerCase();
-      if (key === "t" && liveDevice.value?.canTakeRest) takeRest();
+      if (key === "t" && liveDevice.value?.canTakeRest) void takeRest();
       else if (key === "r" && liveDevice.value?.canRecord) {
         void recordAnimation(!liveNotes.value?.isRecording);
       } else if (key === "f") fit();

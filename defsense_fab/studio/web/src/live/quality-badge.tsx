@@ -7,6 +7,7 @@ const LABELS: Record<FrameFacts["quality"], [string, IconName]> = {
   untrained: ["Untrained", "warning"],
   fallback: ["Fallback", "warning"],
   lost: ["Lost", "error"],
+  starting: ["Starting", "refresh"],
 };
 
 /** How far the shown frame can be trusted. */

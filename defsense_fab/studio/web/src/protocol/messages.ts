@@ -109,6 +109,7 @@ export interface Protocol {
     | TrainModel
     | TrainOnSimulation
     | Undo
+    | UndoTakeRest
     | UnlockCords
     | Upload
     | UploadedSurface
@@ -1221,6 +1222,13 @@ export interface Undo {
   id: number;
 }
 /**
+ * Use the resistances at rest as they were before the last `TakeRest`.
+ */
+export interface UndoTakeRest {
+  kind: "undo-take-rest";
+  id: number;
+}
+/**
  * Let the search move all cords.
  */
 export interface UnlockCords {
@@ -2038,7 +2046,7 @@ export interface Layouts {
  */
 export interface LayoutRow {
   name: string;
-  role: "built" | "by-eye" | "candidate" | "drawn" | "earlier" | "studied";
+  role: "built" | "candidate" | "drawn" | "earlier" | "straight" | "studied";
   isDrawn: boolean;
   error: number | null;
   drawnError: number | null;
@@ -3100,6 +3108,7 @@ export interface Results {
   "train-model": null;
   "train-on-simulation": null;
   undo: null;
+  "undo-take-rest": null;
   "unlock-cords": null;
   upload: null;
   "uploaded-surface": null;
@@ -3270,7 +3279,7 @@ export interface WatchResult {
  *     Attributes:
  *         number: Number of the frame.
  *         time: Time of the sample on the board's clock, s.
- *         quality: How far the frame can be trusted.
+ *         quality: How far the frame can be trusted; "starting" until the device's rest is known.
  *         quality_text: The same for users.
  *         marker_radius: Mean radius of the markers' 90 % intervals, mm; None if unknown.
  *         tracking_error: RMS distance of the markers from where cameras saw them, mm; None without.
@@ -3280,7 +3289,7 @@ export interface WatchResult {
 export interface FrameFacts {
   number: number;
   time: number;
-  quality: "fallback" | "lost" | "trusted" | "untrained";
+  quality: "fallback" | "lost" | "starting" | "trusted" | "untrained";
   qualityText: string;
   markerRadius: number | null;
   trackingError: number | null;

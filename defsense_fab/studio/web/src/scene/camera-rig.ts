@@ -137,7 +137,7 @@ export class CameraRig {
 
   /** Fit the view again if it showed the whole object, which may have changed since. */
   fitAgain(): void {
-    if (this.isFitted && !this.isFacing) this.fit();
+    if (this.isFitted) this.fit();
   }
 
   /** Do so if a part of it has left the picture. */

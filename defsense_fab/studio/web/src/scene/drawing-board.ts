@@ -13,10 +13,11 @@ const MINOR_PARTS = 5;
 /** Points of a stroke are at least this far apart. */
 const STEP_PX = 2;
 const HINT =
-  'Drag to draw. <span class="hint-keys">Keys: <kbd>←↑↓→</kbd> move the pen (<kbd>Shift</kbd> 5 mm), ' +
-  "<kbd>Space</kbd> puts a point, <kbd>Backspace</kbd> removes it, <kbd>Enter</kbd> on the last point " +
-  "finishes, <kbd>Esc</kbd> cancels; <kbd>X</kbd> <kbd>Y</kbd> <kbd>Z</kbd> turn the plane, " +
-  "<kbd>PgUp</kbd> <kbd>PgDn</kbd> move it</span>";
+  "Drag to draw, or click points and end with a double click. " +
+  '<span class="hint-keys">Keys: <kbd>←↑↓→</kbd> move the pen (<kbd>Shift</kbd> 5 mm), ' +
+  "<kbd>Space</kbd> add a point, <kbd>Backspace</kbd> remove it, <kbd>Enter</kbd> finish, " +
+  "<kbd>Esc</kbd> cancel, <kbd>X</kbd> <kbd>Y</kbd> <kbd>Z</kbd> plane, " +
+  "<kbd>PgUp</kbd> <kbd>PgDn</kbd> offset</span>";
 const CANVAS_NAME =
   "Plane to draw in; arrow keys move the pen, Space puts a point, Backspace removes the last one, " +
   "Enter on the last point finishes, Escape cancels, X, Y and Z turn the plane, " +
@@ -69,9 +70,9 @@ export class DrawingBoard {
     const { signal } = this.stop;
     canvas.addEventListener("pointerdown", (event) => this.press(event), { signal });
     canvas.addEventListener("pointermove", (event) => this.move(event), { signal });
-    canvas.addEventListener("pointerup", () => this.release(), { signal });
+    canvas.addEventListener("pointerup", (event) => this.release(event), { signal });
     canvas.addEventListener("pointercancel", () => this.cancel(), { signal });
-    canvas.addEventListener("pointerleave", () => this.readout.hide(), { signal });
+    canvas.addEventListener("pointerleave", () => this.leave(), { signal });
     this.stopListening = viewer.onFrame(() => this.place());
   }
 
@@ -95,9 +96,9 @@ export class DrawingBoard {
     viewer.rig.marginHeight = frame ? MARGIN_PX : this.usualMargin;
     viewer.body.setDimming(frame ? DIMMING : 1);
     viewer.cords.setThinning(frame ? THINNING : 1);
+    this.readout.hide();
     if (!frame) {
       viewer.rig.leave();
-      this.readout.hide();
       this.pen.hide();
     } else if (!isSameView) {
       viewer.rig.face(frame);
@@ -143,23 +144,30 @@ export class DrawingBoard {
 
   private move(event: PointerEvent): void {
     if (!this.frame || this.viewer.rig.isChanging) return;
-    if (event.pointerId === this.pointer) {
+    // Where points were put by clicks, a drag only moves the next one.
+    if (event.pointerId === this.pointer && !this.pen.hasPoints) {
       for (const part of event.getCoalescedEvents()) this.extend(part);
       this.extend(event);
     }
     const [x, y] = this.viewer.local(event);
     const [u, v] = this.planePoint(x, y);
-    this.pen.show(false);
+    this.pen.follow([u!, v!]);
     this.readout.show(x, y, `x ${u!.toFixed(1)}, y ${v!.toFixed(1)} mm`);
     this.viewer.refresh();
   }
 
-  private release(): void {
+  private release(event: PointerEvent): void {
     if (this.pointer < 0) return;
     const { stroke } = this;
     this.pointer = -1;
-    if (stroke.length > 2) this.onStroke(stroke);
-    else this.cancel();
+    if (stroke.length > 2) return this.onStroke(stroke);
+    this.cancel();
+    this.pen.click(this.planePoint(...this.viewer.local(event)));
+  }
+
+  private leave(): void {
+    this.readout.hide();
+    this.pen.follow(null);
   }
 
   private extend(event: PointerEvent): void {

@@ -1,4 +1,4 @@
-// A pen that is moved by keys: it puts points in a plane, and a smooth stroke goes through them.
+// A pen that puts points in a plane, by keys or by clicks; a smooth stroke goes through them.
 import { signal } from "@preact/signals";
 import { catmullRom, samplePath } from "./curve";
 import { Readout } from "./readout";
@@ -9,6 +9,8 @@ const STEP_MM = 0.5;
 const LARGE_STEP_MM = 5;
 /** The view follows the pen before it is this close to an edge. */
 const MARGIN_PX = 70;
+/** A click this close to the last point ends the stroke. */
+const CLOSE_PX = 8;
 const CROSS_PX = 9;
 const DOT_PX = 3.5;
 const MOVES: Record<string, [number, number]> = {
@@ -29,6 +31,8 @@ export class KeyboardPen {
   /** The points that are put, mm in the plane. */
   readonly points = signal<readonly number[][]>([]);
   private at = [0, 0];
+  /** Where the pointer is, while it is used. */
+  private pointed: number[] | null = null;
   private isShown = false;
   private hasMoved = false;
   private readonly line = path("ink");
@@ -63,6 +67,10 @@ export class KeyboardPen {
     canvas.addEventListener("blur", () => this.show(false), { signal: aborted });
   }
 
+  get hasPoints(): boolean {
+    return this.points.value.length > 0;
+  }
+
   /** Start without points at a place of the plane, mm. */
   reset(at: number[]): void {
     this.points.value = [];
@@ -77,7 +85,23 @@ export class KeyboardPen {
     this.viewer.refresh();
   }
 
-  /** Hide the cross, as when the pointer takes over. */
+  /** Let the line from the last point end at the pointer, mm in the plane; null if it is away. */
+  follow(pointed: number[] | null): void {
+    this.isShown = false;
+    this.pointed = pointed;
+    this.viewer.refresh();
+  }
+
+  /** Put a point where the pointer was pressed; on the last point, end the stroke. */
+  click(place: number[]): void {
+    this.isShown = false;
+    this.pointed = null;
+    const last = this.points.value.at(-1);
+    if (last && distance(this.plane.pixel(last), this.plane.pixel(place)) <= CLOSE_PX) return this.finish();
+    this.add(place.map((value) => Math.round(10 * value) / 10));
+  }
+
+  /** Show or hide the cross. */
   show(isShown: boolean): void {
     this.isShown = isShown;
     if (isShown && this.plane.isOpen()) this.announce(this.place());
@@ -98,14 +122,14 @@ export class KeyboardPen {
 
   /** Draw the points, the line through them and the cross; called for each frame. */
   draw(): void {
-    if (this.hasMoved && !this.viewer.rig.isChanging) this.follow();
+    if (this.hasMoved && !this.viewer.rig.isChanging) this.keepInView();
     const pixel = (point: number[]) => this.plane.pixel(point);
     const { value } = this.points;
     this.line.setAttribute("d", value.length > 1 ? joined(sampleStroke(value).map(pixel)) : "");
     this.dots.setAttribute("d", value.map((point) => dot(pixel(point))).join(""));
     const last = value.at(-1);
-    const isNext = this.isShown && last !== undefined;
-    this.next.setAttribute("d", isNext ? joined([pixel(last), pixel(this.at)]) : "");
+    const end = this.isShown ? this.at : this.pointed;
+    this.next.setAttribute("d", last && end ? joined([pixel(last), pixel(end)]) : "");
     const [x, y] = pixel(this.at);
     this.cross.setAttribute("d", this.isShown ? cross(x, y) : "");
     if (this.isShown) this.readout.show(x, y, this.place());
@@ -149,8 +173,12 @@ export class KeyboardPen {
 
   private put(): void {
     this.isShown = true;
-    if (this.isOnLast()) return;
-    this.points.value = [...this.points.value, this.at];
+    if (!this.isOnLast()) this.add(this.at);
+  }
+
+  private add(place: number[]): void {
+    this.at = place;
+    this.points.value = [...this.points.value, place];
     this.announce(`Point ${this.points.value.length} at ${this.place()}`);
     this.viewer.refresh();
   }
@@ -172,7 +200,7 @@ export class KeyboardPen {
   }
 
   /** Move the view if the pen leaves it. */
-  private follow(): void {
+  private keepInView(): void {
     this.hasMoved = false;
     const { width, height, rig } = this.viewer;
     const [x, y] = this.plane.pixel(this.at);
@@ -180,6 +208,10 @@ export class KeyboardPen {
     const down = Math.min(y - MARGIN_PX, 0) + Math.max(y - height + MARGIN_PX, 0);
     if (right !== 0 || down !== 0) rig.panBy((100 * right) / height, (-100 * down) / height);
   }
+}
+
+function distance([x, y]: [number, number], [u, v]: [number, number]): number {
+  return Math.hypot(x - u, y - v);
 }
 
 /** Return points of a smooth line through points (n, 2). */

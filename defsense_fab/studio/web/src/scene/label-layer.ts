@@ -1,5 +1,6 @@
 // Labels as elements of the page that stay at their places in the scene and do not overlap.
 import { Vector3 } from "three";
+import { type Box, overlaps } from "./covered-places";
 import type { Viewer } from "./viewer";
 
 export type LabelTone = "plain" | "alarm" | "accent";
@@ -26,14 +27,6 @@ interface Entry {
   shown: string;
 }
 
-interface Box {
-  left: number;
-  top: number;
-  right: number;
-  bottom: number;
-}
-
-const GAP_PX = 4;
 const OBSTACLE_PX = 7;
 /** Where a label may be, from its place to its middle, in units of its half size and a stem. */
 const SIDES = [
@@ -143,7 +136,8 @@ export class LabelLayer {
         const box = { left, top, right: left + width, bottom: top + height };
         const { width: right, height: bottom } = this.viewer;
         const isInside = left >= 0 && top >= 0 && box.right <= right && box.bottom <= bottom;
-        if (isInside && !used.some((other) => overlaps(box, other))) return box;
+        const isFree = isInside && !this.viewer.covered.has(box);
+        if (isFree && !used.some((other) => overlaps(box, other))) return box;
       }
     }
     return null;
@@ -158,13 +152,4 @@ function moveElements({ element, stem }: Entry, x: number, y: number, box: Box |
   stem.setAttribute("y1", `${y}`);
   stem.setAttribute("x2", `${Math.min(Math.max(x, box.left), box.right)}`);
   stem.setAttribute("y2", `${Math.min(Math.max(y, box.top), box.bottom)}`);
-}
-
-function overlaps(a: Box, b: Box): boolean {
-  return (
-    a.left < b.right + GAP_PX &&
-    b.left < a.right + GAP_PX &&
-    a.top < b.bottom + GAP_PX &&
-    b.top < a.bottom + GAP_PX
-  );
 }

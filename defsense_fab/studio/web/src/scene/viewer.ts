@@ -15,6 +15,7 @@ import { BodyLayer } from "./body-layer";
 import { listenForCameraKeys } from "./camera-keys";
 import { CameraRig } from "./camera-rig";
 import { ContactShadow } from "./contact-shadow";
+import { CoveredPlaces } from "./covered-places";
 import { CordLayer } from "./cord-layer";
 import { LabelLayer } from "./label-layer";
 import { ORDER } from "./order";
@@ -42,6 +43,8 @@ export class Viewer {
   readonly labels: LabelLayer;
   readonly picker: Picker;
   readonly cube: ViewCube;
+  /** What floats over the picture. */
+  readonly covered: CoveredPlaces;
   readonly resolution: Resolution;
   colors: SceneColors = sceneColors();
   width = 1;
@@ -77,6 +80,7 @@ export class Viewer {
     this.canvas = this.renderer.domElement;
     this.canvas.className = "viewer-canvas";
     this.canvas.tabIndex = 0;
+    this.covered = new CoveredPlaces(this.canvas);
     this.canvas.setAttribute("role", "application");
     this.nameCanvas(null);
     this.overlay.className = "viewer-overlay";

@@ -164,6 +164,9 @@ function cordNode({ name, color, free }: CordState): TreeNode {
         icon: isFixed ? "lock" : "unlock",
         label: `${isFixed ? "Unlock" : "Lock"} ${name}`,
         isOn: isFixed,
+        hint: isFixed
+          ? `Unlock ${name}: builds and the optimizer keep it as drawn`
+          : `Lock ${name}, so that builds and the optimizer keep it as drawn`,
         run: () => void setLocked(name, !isLocked(name)),
       },
     ],

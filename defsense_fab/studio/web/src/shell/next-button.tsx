@@ -1,18 +1,26 @@
-import { runCommand } from "../commands";
+import { findCommand, isAvailable, runAnywhere, runCommand } from "../commands";
 import { startBuild } from "../state/building";
-import { connection, isJobActive, pipeline } from "../state/connection";
+import { connection, device, isJobActive, pipeline } from "../state/connection";
+import { draw } from "../state/remedies";
 import { run } from "../state/run";
-import { enterStep, isNextHere } from "../state/step";
+import { type StepName, enterStep, isNextHere, step } from "../state/step";
 import { Button } from "../ui/button";
 
 const PANEL_BUTTONS = ".scene-cover button.primary, .inspector button.primary";
 
-/** Do the next action: build up to a stage, or enter a step and go to its main button. */
+/** Steps that show the simulation's results themselves: a simulation does not leave them. */
+const USES_OF_SIMULATION: readonly StepName[] = ["inside", "sensors", "optimize"];
+
+/** Do the next action: build up to a stage, draw, or enter a step and go to its main button. */
 export function doNext(): void {
   const next = pipeline.value?.next;
   if (!next || (next.stage && isJobActive.value)) return;
+  if (next.step === "sensors" && device.value?.cords.length === 0) return draw();
+  const live = findCommand("measure.live");
+  if (next.step === "measure" && live && isAvailable(live)) return runAnywhere(live);
   if (isNextHere.value) document.querySelector<HTMLElement>(PANEL_BUTTONS)?.focus();
-  enterStep(next.step);
+  const stays = next.stage === "simulate" && USES_OF_SIMULATION.includes(step.value);
+  if (!stays) enterStep(next.step);
   if (next.cord) requestAnimationFrame(() => runCommand("sensor.show-limit"));
   if (next.stage) void startBuild(next.stage);
   else if (next.step === "body") void run(connection.send("make-body", {}));

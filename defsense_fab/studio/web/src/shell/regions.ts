@@ -13,12 +13,12 @@ const REGIONS = [
 const FOCUSABLE =
   "button, [href], input, select, textarea, canvas, summary, [tabindex]:not([tabindex='-1'])";
 
-/** The elements within one that Tab reaches, in order. */
+/** The elements within one that Tab reaches, in order, without the link that skips to the scene. */
 export function focusableIn(element: Element): HTMLElement[] {
   const items = [...element.querySelectorAll<HTMLElement>(FOCUSABLE)];
   if (element instanceof HTMLElement && element.matches(FOCUSABLE)) items.unshift(element);
   return items.filter(
-    (item) => item.tabIndex >= 0 && item.checkVisibility() && !item.closest("[inert], :disabled"),
+    (item) => item.tabIndex >= 0 && item.checkVisibility() && !item.closest("[inert], :disabled, .skip-link"),
   );
 }
 

@@ -1,5 +1,5 @@
 // The one button that cures a problem, or leads to where it is cured.
-import { runCommand } from "../commands";
+import { findCommand, runAnywhere } from "../commands";
 import type { Problem } from "../protocol/messages";
 import { startBuild } from "./building";
 import { bodyFit, connection, device } from "./connection";
@@ -20,13 +20,13 @@ const BY_CODE: Record<string, Remedy> = {
   "not-built": { label: "Build the parts", run: () => void startBuild("report") },
 };
 
-const DRAW: Remedy = {
-  label: "Draw a cord",
-  run: () => {
-    enterStep("sensors");
-    requestAnimationFrame(() => runCommand("sensor.draw"));
-  },
-};
+const DRAW: Remedy = { label: "Draw a cord", run: draw };
+
+/** Start to draw a cord; the step is entered first. */
+export function draw(): void {
+  const command = findCommand("sensor.draw");
+  if (command) runAnywhere(command);
+}
 
 /** Whether a field takes a value: there are not fewer cords than drawn ones. */
 function canSuggest(field: string, value: number): boolean {

@@ -54,7 +54,8 @@ export function MenuButton({ label, icon = "more", children, entries }: MenuButt
     id: useId(),
     "aria-label": label,
     positioning: { placement: "bottom-end", strategy: "fixed", gutter: 6 },
-    onSelect: ({ value }) => select(entries(), value),
+    // Once the menu has given the focus back, as the action may move it.
+    onSelect: ({ value }) => setTimeout(() => select(entries(), value)),
   });
   const api = zagMenu.connect(service, normalizeProps);
   return (

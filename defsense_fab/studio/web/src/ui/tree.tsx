@@ -45,6 +45,7 @@ export interface TreeButton {
   label: string;
   /** Whether it stays visible without the pointer on the row. */
   isOn: boolean;
+  hint?: string;
   run: () => void;
 }
 
@@ -252,11 +253,12 @@ function TreeRow(props: TreeRowProps) {
 }
 
 function TreeButtons({ buttons }: { buttons: readonly TreeButton[] }): ComponentChildren {
-  return buttons.map(({ icon, label, isOn, run }) => (
+  return buttons.map(({ icon, label, isOn, hint, run }) => (
     <IconButton
       key={label}
       icon={icon}
       label={label}
+      hint={hint}
       class={isOn ? "on" : ""}
       tabIndex={-1}
       onClick={(event) => {

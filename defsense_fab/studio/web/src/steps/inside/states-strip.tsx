@@ -57,11 +57,16 @@ interface StateGroup {
   end: number;
 }
 
+/** The pose of a state such as "bend@0.5" or "0.9*bend", or "mixtures" for several poses. */
+function groupOf(name: string): string {
+  return name.includes("+") ? "mixtures" : name.split("@")[0]!.replace(/^[\d.]+\*/, "");
+}
+
 /** Neighboring states of one pose, and those of mixtures, under one name. */
 function groups(names: readonly string[]): StateGroup[] {
   const found: StateGroup[] = [];
   names.forEach((name, k) => {
-    const title = name.includes("+") ? "mixtures" : name.split("@")[0]!;
+    const title = groupOf(name);
     const last = found.at(-1);
     if (last?.name === title) last.end = k + 1;
     else found.push({ name: title, first: k, end: k + 1 });

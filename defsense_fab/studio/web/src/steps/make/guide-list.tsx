@@ -3,6 +3,8 @@ import type { GuideList as List } from "../../protocol/messages";
 
 /** More columns are shown as rows. */
 const MAX_COLUMNS = 4;
+/** Numbers and sizes, such as "30 x 14.2 x 8 mm". */
+const IS_QUANTITY = /^[\d.,]+( [x×] [\d.,]+)*( \S{1,3})?$/;
 
 /** A list; what is the same in all rows stands above it. */
 export function GuideList({ list }: { list: List }) {
@@ -47,7 +49,13 @@ function Rows({ list: { title, header, rows }, kept }: TableProps) {
       <tbody>
         {rows.map((row, r) => (
           <tr key={r}>
-            {kept.map((k, at) => (at === 0 ? <th key={k} scope="row">{row[k]}</th> : <td key={k}>{row[k]}</td>))}
+            {kept.map((k, at) => 
+              at === 0 ? (
+                <th key={k} scope="row">{row[k]}</th>
+              ) : (
+                <td key={k} class={IS_QUANTITY.test(row[k]!) ? "unbroken" : undefined}>{row[k]}</td>
+              ),
+            )}
           </tr>
         ))}
       </tbody>

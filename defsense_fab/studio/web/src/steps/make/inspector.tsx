@@ -31,12 +31,17 @@ function Lists({ shown, isOpen }: { shown: Guide; isOpen: boolean }) {
   const { notes, lists, checks, files } = shown;
   const passedAt = checks?.header.indexOf("passed") ?? -1;
   const passed = checks?.rows.filter((row) => row[passedAt] === "yes").length ?? 0;
+  const failed = (checks?.rows.length ?? 0) - passed;
+  // Those with a place first: something can be looked at there.
+  const sorted = [...notes].sort((a, b) => Number(b.point !== null) - Number(a.point !== null));
+  const placed = notes.filter(({ point }) => point !== null).length;
   return (
     <div class="make-lists" hidden={!isOpen}>
+      {checks && <Verdict failed={failed} placed={placed} others={notes.length - placed} />}
       {notes.length > 0 && (
         <Section title="Warnings" name="make.warnings" aside={notes.length}>
           <ul class="make-notes">
-            {notes.map(({ text, point }) => (
+            {sorted.map(({ text, point }) => (
               <li key={text}>
                 <p>{inPageWords(text)}</p>
                 {point && (
@@ -77,6 +82,34 @@ function Lists({ shown, isOpen }: { shown: Guide; isOpen: boolean }) {
         </ul>
       </Section>
     </div>
+  );
+}
+
+interface VerdictProps {
+  /** Number of checks that failed. */
+  failed: number;
+  /** Number of warnings with a place, and of the others. */
+  placed: number;
+  others: number;
+}
+
+/** Whether anything has to be done about checks and warnings, in one sentence each. */
+function Verdict({ failed, placed, others }: VerdictProps) {
+  const [icon, tone] = failed ? (["error", "failed"] as const) : placed ? (["warning", "look"] as const) : (["check", "passed"] as const);
+  const verdict = failed
+    ? `${failed === 1 ? "1 check" : `${failed} checks`} failed: change the design before you print.`
+    : "All checks passed: the parts can be made as they are.";
+  const look = placed ? ` Look at ${placed === 1 ? "the place" : `the ${placed} places`} in Warnings before you assemble.` : "";
+  const rest = others ? ` ${others === 1 ? "1 other warning is" : `${others} other warnings are`} about what to expect.` : "";
+  return (
+    <p class={`make-verdict ${tone}`} role="status">
+      <Icon name={icon} />
+      <span>
+        <b>{verdict}</b>
+        {look}
+        {placed ? rest : rest.replace(" other", "")}
+      </span>
+    </p>
   );
 }
 

@@ -2,10 +2,11 @@ import type { ComponentChildren } from "preact";
 import type { Problem, TaskStatus } from "../../protocol/messages";
 import { GuidedScreen } from "../../live/guided-screen";
 import { RemedyButton } from "../../shell/remedy-button";
+import { isJobActive } from "../../state/connection";
 import { Icon } from "../../ui/icons";
 import type { CardRequest } from "./request";
 import { NextCardButton } from "./next-card";
-import { type CardName, CARD_LABELS, guided, status } from "./state";
+import { type CardName, CARD_LABELS, choices, guided, status } from "./state";
 
 interface CardFrameProps {
   name: CardName;
@@ -62,6 +63,24 @@ export function ProblemMessage({ problem }: { problem: Problem }) {
       <Icon name="error" />
       <span>{problem.text}</span>
       <RemedyButton problem={problem} />
+    </p>
+  );
+}
+
+/** Why the work of a card cannot start now; empty if it can. */
+export function obstacleOf({ needsBuild }: { needsBuild: boolean }): string {
+  if (isJobActive.value) return "Wait until the running job has ended.";
+  if (needsBuild && !choices.value?.isBuilt) return "The parts are not built yet: build them in Make first.";
+  return "";
+}
+
+/** Why a button above is disabled. */
+export function Obstacle({ text }: { text: string }) {
+  if (!text) return null;
+  return (
+    <p class="task-message">
+      <Icon name="info" />
+      <span>{text}</span>
     </p>
   );
 }

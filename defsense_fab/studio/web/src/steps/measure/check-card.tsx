@@ -1,15 +1,15 @@
 import { signal } from "@preact/signals";
 import type { CheckResult } from "../../protocol/messages";
-import { connection, device, isJobActive } from "../../state/connection";
+import { connection, device } from "../../state/connection";
 import { Button } from "../../ui/button";
 import { Checkbox } from "../../ui/choices";
 import { Icon } from "../../ui/icons";
 import { SelectField } from "../../ui/select-field";
 import { Table } from "../../ui/table";
-import { CardFrame, CardMessage, Warning } from "./card-frame";
+import { CardFrame, CardMessage, Obstacle, Warning, obstacleOf } from "./card-frame";
 import { PortField, portOf, TWIN_PORT } from "./port-field";
 import { useRequest } from "./request";
-import { choices, isGuidedOpen, results, status } from "./state";
+import { isGuidedOpen, results, status } from "./state";
 import { TextInput } from "./text-input";
 import { cardVariant } from "./next-card";
 
@@ -25,6 +25,7 @@ export function CheckCard() {
   const task = status.value?.check;
   const result = results.value?.check;
   const isTwin = port.value.chosen === "twin";
+  const obstacle = obstacleOf({ needsBuild: true });
   const start = () =>
     void request.send(
       connection.send("start-check", {
@@ -72,13 +73,14 @@ export function CheckCard() {
           variant={cardVariant("check")}
           icon="play"
           isBusy={task?.state === "running"}
-          disabled={isGuidedOpen.value || isJobActive.value || !choices.value?.isBuilt}
-          hint={choices.value?.isBuilt ? undefined : "Build the device in Make first"}
+          disabled={isGuidedOpen.value || Boolean(obstacle)}
+          hint={obstacle || undefined}
           onClick={start}
         >
           Start the check
         </Button>
       </div>
+      {task?.state !== "running" && <Obstacle text={obstacle} />}
       <CardMessage request={request} task={task} />
       {result && <CheckTable result={result} />}
     </CardFrame>

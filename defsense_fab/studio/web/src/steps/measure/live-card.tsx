@@ -1,4 +1,3 @@
-import { signal } from "@preact/signals";
 import type { ModelChoice } from "../../protocol/messages";
 import { connection } from "../../state/connection";
 import { Button } from "../../ui/button";
@@ -6,17 +5,12 @@ import { Checkbox } from "../../ui/choices";
 import { EmptyState } from "../../ui/feedback";
 import { SelectField } from "../../ui/select-field";
 import { CardFrame, CardMessage, Warning } from "./card-frame";
-import { PortField, portOf, TWIN_PORT } from "./port-field";
+import { chosenModel, keepsReadings, model, outputs, port, startLive, usesFile } from "./live-run";
+import { PortField } from "./port-field";
 import { useRequest } from "./request";
 import { card, choices, isLiveShown, status } from "./state";
 import { TextInput } from "./text-input";
 import { cardVariant } from "./next-card";
-
-const model = signal("");
-const port = signal(TWIN_PORT);
-const outputs = signal("");
-const usesFile = signal(false);
-const keepsReadings = signal(true);
 
 /** The device in motion: its shape is decoded from the readings of the cords. */
 export function LiveCard() {
@@ -43,17 +37,7 @@ function LiveForm({ models }: { models: readonly ModelChoice[] }) {
   const request = useRequest();
   const task = status.value?.live;
   const isRunning = task?.state === "running";
-  const chosen = models.find(({ name }) => name === model.value) ?? models[0]!;
-  const start = async () => {
-    const content = {
-      model: chosen.name,
-      port: portOf(port.value),
-      outputs: outputs.value,
-      usesFile: usesFile.value,
-      keepsReadings: keepsReadings.value,
-    };
-    if (await request.send(connection.send("start-live", content))) isLiveShown.value = true;
-  };
+  const chosen = chosenModel()!;
   return (
     <>
       <div class="card-fields">
@@ -115,7 +99,7 @@ function LiveForm({ models }: { models: readonly ModelChoice[] }) {
             icon="play"
             disabled={Boolean(chosen.problem)}
             hint={chosen.problem || undefined}
-            onClick={() => void start()}
+            onClick={() => void startLive(request.send)}
           >
             Start
           </Button>

@@ -1,5 +1,7 @@
 // Commands of the step Measure: each shows a card, with the focus on its main button.
 import type { Command } from "../../commands";
+import { run } from "../../state/run";
+import { startLive } from "./live-run";
 import { type CardName, card, choices, usableSessions } from "./state";
 
 /** In which the card appears, ms. */
@@ -45,10 +47,14 @@ export const measureCommands = (): readonly Command[] => [
   {
     id: "measure.live",
     label: "Run the device live",
+    hint: "Start the live view with the model and the source of the card Live",
     group: "Measure",
     when: () => (choices.value?.models.length ?? 0) > 0,
     reason: "Train a model first",
-    run: () => show("live"),
+    run: () => {
+      show("live");
+      void startLive(async (request) => (await run(request)) !== undefined);
+    },
   },
   {
     id: "measure.specimen",

@@ -4,7 +4,7 @@ import { Button } from "../../ui/button";
 import { SegmentedControl } from "../../ui/choices";
 import { NumberField } from "../../ui/number-field";
 import { SelectField } from "../../ui/select-field";
-import { CardFrame, CardMessage, ProblemMessage, Warning } from "./card-frame";
+import { CardFrame, CardMessage, Obstacle, ProblemMessage, Warning, obstacleOf } from "./card-frame";
 import { PortField, portOf, TWIN_PORT } from "./port-field";
 import { useRequest } from "./request";
 import { card, choices, isGuidedOpen, status } from "./state";
@@ -58,6 +58,7 @@ function TwinForm() {
   const request = useRequest();
   const task = status.value?.record;
   const shownSeed = seed.value ?? choices.value?.freeSeed ?? 1;
+  const obstacle = obstacleOf({ needsBuild: true });
   const start = async () => {
     const content = { minutes: minutes.value, unit: unit.value, seed: shownSeed, cords: cords.value };
     if (await request.send(connection.send("record-twin", content))) seed.value = null;
@@ -79,15 +80,15 @@ function TwinForm() {
           value={unit.value}
           min={0}
           layout="stack"
-          help="Its tolerances and pieces of cord"
+          help="Each number is another built copy of the device, with its own tolerances and cords"
           onCommit={(value) => void (unit.value = value)}
         />
         <NumberField
-          label="Seed"
+          label="Seed of the movement"
           value={shownSeed}
           min={0}
           layout="stack"
-          help="Of the hand's path"
+          help="Each number is another random movement of the hand"
           onCommit={(value) => void (seed.value = value)}
         />
         <SelectField
@@ -95,6 +96,7 @@ function TwinForm() {
           layout="stack"
           value={cords.value}
           choices={CORD_FAMILIES}
+          help="How the readings depend on how the cords were stretched before"
           onCommit={(value) => void (cords.value = value)}
         />
       </div>
@@ -103,14 +105,15 @@ function TwinForm() {
           variant={cardVariant("record")}
           icon="play"
           isBusy={task?.state === "running"}
-          disabled={isJobActive.value || !choices.value?.isBuilt}
-          hint={choices.value?.isBuilt ? undefined : "Build the device in Make first"}
+          disabled={Boolean(obstacle)}
+          hint={obstacle || undefined}
           onClick={() => void start()}
         >
           Record the twin
         </Button>
         <NextCard code="twin-recorded" label="Train on it" />
       </div>
+      {task?.state !== "running" && <Obstacle text={obstacle} />}
       <CardMessage request={request} task={task} />
     </>
   );
@@ -120,6 +123,7 @@ function DeviceForm() {
   const request = useRequest();
   const task = status.value?.record;
   const name = session.value ?? choices.value?.freeSession ?? "session";
+  const obstacle = obstacleOf({ needsBuild: false });
   const start = async () => {
     const content = {
       port: portOf(port.value),
@@ -185,14 +189,15 @@ function DeviceForm() {
           variant={cardVariant("record")}
           icon="play"
           isBusy={task?.state === "running"}
-          disabled={isGuidedOpen.value || isJobActive.value || !choices.value?.hasTags}
-          hint={choices.value?.hasTags ? undefined : "Make the tags first"}
+          disabled={isGuidedOpen.value || Boolean(obstacle) || !choices.value?.hasTags}
+          hint={choices.value?.hasTags ? obstacle || undefined : "Make the tags first"}
           onClick={() => void start()}
         >
           Start or resume
         </Button>
         <NextCard code="recording-complete" label="Process and train" />
       </div>
+      {task?.state !== "running" && <Obstacle text={obstacle} />}
       <CardMessage request={request} task={task} />
     </>
   );

@@ -17,6 +17,7 @@ import {
   status,
   trainingSessions,
 } from "./state";
+import { DecoderHelp } from "./decoder-help";
 import { cardVariant } from "./next-card";
 
 const makeState = connection.event("make-state");
@@ -135,6 +136,7 @@ function TrainingTable({ result }: { result: TrainingResult }) {
       {result.warning && <Warning>{result.warning}</Warning>}
       <h3>
         {result.model}
+        {result.decoders.length > 0 && <DecoderHelp />}
         {chosen && (
           <span class="card-headline">
             Measured error {(chosen.test ?? chosen.folds).toFixed(2)} mm{" "}

@@ -111,19 +111,25 @@ function Number({ label, error, tone }: { label: string; error: number | null; t
   );
 }
 
+/** Whether the search has found cords that are better than the drawn ones. */
+function isBestBetter(): boolean {
+  const { best = null, drawn = null } = search.value ?? {};
+  return best !== null && (drawn === null || best < drawn);
+}
+
 /** One primary button: use what was found, or search. */
 function Actions() {
   const { obstacle = "", standing: code } = standing.value ?? {};
   const best = bestRow.value;
   const reason = standing.value?.bestProblem ?? "";
   const isOffered = differs.value && (best !== null || Boolean(reason));
-  const hasBest = search.value?.state !== "none" && Boolean(search.value?.best);
+  const hasBest = isBestBetter();
   if (isSearching.value) {
     return (
       <Button
         variant={mainVariant.value}
         disabled={!hasBest}
-        hint={hasBest ? "Stop optimizing and draw the best cords that can be made" : "No cords within all limits yet"}
+        hint={hasBest ? "Stop optimizing and draw the best cords that can be made" : "No better cords within all limits yet"}
         onClick={() => void applyBest()}
       >
         Use the best so far
@@ -165,8 +171,8 @@ function Actions() {
         </Button>
       )}
       {hasBest && code !== "optimized" && code !== "locked" && !isOffered && (
-        <Button hint="Draw the best cords that were found and can be made" onClick={() => void applyBest()}>
-          Use the best so far
+        <Button hint="Draw the best cords of the search that ended early and can be made" onClick={() => void applyBest()}>
+          Use the best found
         </Button>
       )}
     </div>

@@ -27,7 +27,7 @@ export function LayoutTable() {
         { title: "Error in parts", cell: inParts, isNumber: true },
         { title: "Parts", cell: parts, isNumber: true },
         { title: "Print time", cell: ({ printHours }) => unit(printHours, 0, "h"), isNumber: true },
-        { title: "Error in use (90 %)", cell: trained, isNumber: true },
+        { title: "Error in use (90 %)", cell: trained, isNumber: true },
         { title: "Cord", cell: ({ length }) => unit(length && length / 10, 0, "cm"), isNumber: true },
         { title: "Planes", cell: ({ planes }) => planes, isNumber: true },
         { title: "Use", cell: use },
@@ -40,11 +40,17 @@ export function LayoutTable() {
   );
 }
 
+const MEANINGS: Partial<Record<LayoutRow["role"], string>> = {
+  candidate: "Another layout that the optimizer has tried",
+  straight: "Straight cords where the strain is largest, placed without the optimizer",
+  earlier: "Of an earlier design: its numbers may differ now",
+};
+
 function name(row: LayoutRow) {
   return (
     <span
       class="layout-name"
-      {...tooltip(row.role === "earlier" ? "Of an earlier design: its numbers may differ now" : undefined)}
+      {...tooltip(MEANINGS[row.role])}
     >
       <i class={`chart-mark ${dotTone(row)}`} aria-hidden="true" />
       {layoutName(row)}

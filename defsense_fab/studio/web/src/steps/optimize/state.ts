@@ -57,8 +57,8 @@ export const isMapDeformed = signal(true);
 
 const capitalized = (text: string): string => `${text[0]!.toUpperCase()}${text.slice(1)}`;
 
-export function layoutName({ name, role }: LayoutRow): string {
-  if (role === "drawn") return "Drawn";
+export function layoutName({ name, role, isDrawn }: LayoutRow): string {
+  if (role === "drawn" || (role === "candidate" && isDrawn)) return "Drawn";
   if (role === "built") return standing.value?.isBuiltMoved ? "Optimized" : "In the parts";
   if (role === "earlier") return `${capitalized(name.replace(/^earlier: /, ""))} (earlier)`;
   return capitalized(name);
@@ -66,7 +66,7 @@ export function layoutName({ name, role }: LayoutRow): string {
 
 /** Name of a layout, and whether it is drawn. */
 export function layoutLabel(row: LayoutRow): string {
-  return row.isDrawn && row.role !== "drawn" ? `${layoutName(row)} (drawn)` : layoutName(row);
+  return row.isDrawn && layoutName(row) !== "Drawn" ? `${layoutName(row)} (drawn)` : layoutName(row);
 }
 
 /** The layout that the main button uses: the chosen one of the search, or the best that can be made. */

@@ -19,7 +19,7 @@ export type ShapeKind = RegionState["shape"];
 export const SHAPES: readonly { value: ShapeKind; label: string }[] = [
   { value: "box", label: "Box" },
   { value: "sphere", label: "Sphere" },
-  { value: "half-space", label: "Half space" },
+  { value: "half-space", label: "Half space: one side of a plane" },
   { value: "cylinder", label: "Cylinder" },
 ];
 

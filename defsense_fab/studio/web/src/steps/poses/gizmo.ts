@@ -329,7 +329,9 @@ export class Gizmo {
     const left = Math.min(Math.max(x - width / 2, TITLE_GAP_PX), this.viewer.width - width - TITLE_GAP_PX);
     const radius = RING_PX * this.scale;
     const above = y - radius - TITLE_GAP_PX - height;
-    const top = above > TITLE_GAP_PX ? above : y + radius + TITLE_GAP_PX;
+    const box = { left, top: above, right: left + width, bottom: above + height };
+    const isFree = above > TITLE_GAP_PX && !this.viewer.covered.has(box);
+    const top = isFree ? above : y + radius + TITLE_GAP_PX;
     this.title.style.transform = `translate(${Math.round(left)}px, ${Math.round(top)}px)`;
   }
 

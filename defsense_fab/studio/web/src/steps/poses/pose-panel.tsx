@@ -10,6 +10,7 @@ import { SelectField } from "../../ui/select-field";
 import { UNDERSCORE_NOTE, rename, underscored } from "../../shell/rename";
 import { TextField } from "../../ui/text-field";
 import { poseMenu } from "./commands";
+import { isMeshNeeded } from "./mesh";
 import { HandleFields } from "./handle-fields";
 import { Gravity, Pressures, Pulls, Symmetry } from "./load-fields";
 import { centers, chosenGrip, grip, isMeshed, regions, shapeStatus, type ShapeStatus } from "./state";
@@ -85,6 +86,14 @@ function ShapeStatusLine({ pose }: { pose: PoseState }) {
     );
   }
   if (!isMeshed.value) return null;
+  if (isMeshNeeded.value && (status === "solved" || status === "checked")) {
+    return (
+      <p class="shape-status" role="status">
+        <Icon name="info" size={14} />
+        <span>Shape of an earlier body</span>
+      </p>
+    );
+  }
   const { text, icon } = STATUS[status];
   const isBusy = status === "solving" || status === "coarse";
   return (

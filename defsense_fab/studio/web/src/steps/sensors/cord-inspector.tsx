@@ -2,7 +2,7 @@
 import { runCommand } from "../../commands";
 import type { CordNumbers, CordState, Violation } from "../../protocol/messages";
 import { connection } from "../../state/connection";
-import { cordMenu } from "../../shell/cord-commands";
+import { cordMenu, setLocked } from "../../shell/cord-commands";
 import { rename } from "../../shell/rename";
 import { inPageWords } from "../../state/page-words";
 import { run } from "../../state/run";
@@ -55,6 +55,7 @@ export function CordInspector({ cord }: { cord: CordState }) {
             return connection.send("set-freedoms", { cord: cord.name, free });
           }}
         />
+        {cord.free.length === 0 && <LockNote name={cord.name} />}
       </div>
       {numbers && <Numbers numbers={numbers} violations={ownViolations} />}
       <Section title="Shape" name="cord-shape">
@@ -62,6 +63,21 @@ export function CordInspector({ cord }: { cord: CordState }) {
         <Actions cord={cord} />
       </Section>
     </>
+  );
+}
+
+/** What a lock does, where it comes from, and how to remove it. */
+function LockNote({ name }: { name: string }) {
+  return (
+    <div class="lock-note">
+      <Icon name="lock" size={14} />
+      <p>
+        Locked: builds and the optimizer keep it as drawn. “Build as drawn” and “Use” of a layout lock cords.
+      </p>
+      <Button icon="unlock" shortcut="L" onClick={() => void setLocked(name, false)}>
+        Unlock
+      </Button>
+    </div>
   );
 }
 

@@ -34,7 +34,7 @@ export function startDrawing(isNewPath = false): void {
     return;
   }
   isRedrawing.value = isNewPath && cord !== null;
-  viewer.peek()?.canvas.focus(); // the keys of the pen
+  focusCanvas();
   if (cord?.isPlanar) {
     drawingFrame.value = { origin: cord.origin, axes: cord.axes };
     return;
@@ -42,6 +42,11 @@ export function startDrawing(isNewPath = false): void {
   const size = [box.max.x - box.min.x, box.max.y - box.min.y, box.max.z - box.min.z];
   const axis = (["x", "y", "z"] as const)[size.indexOf(Math.min(...size))]!;
   drawingFrame.value = planeAcross(axis, middleOf(box));
+}
+
+/** Give the keys to the pen. */
+function focusCanvas(): void {
+  viewer.peek()?.canvas.focus();
 }
 
 export function middleOf({ min, max }: { min: Vector; max: Vector }): number[] {
@@ -173,7 +178,7 @@ export const sensorCommands = (): readonly Command[] => [
     hint: "Draw a path in a plane",
     group: "Sensors",
     shortcut: "D",
-    run: () => (isDrawing.peek() ? stopDrawing() : startDrawing()),
+    run: () => (isDrawing.peek() ? focusCanvas() : startDrawing()),
   },
   {
     id: "sensor.straight",
