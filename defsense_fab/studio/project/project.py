@@ -168,6 +168,13 @@ class Project:
         try:
             return read_regular(self._path).decode("utf-8")
         except (OSError, UnicodeDecodeError) as error:
+            if not self.folder.is_dir():
+                raise DeviceError(
+                    "the folder of the device is missing",
+                    code="folder-missing",
+                    where=self.folder,
+                    action="Put it back: the studio goes on by itself, and nothing is lost",
+                ) from None
             reason = error.strerror if isinstance(error, OSError) else str(error)
             raise DeviceError(
                 f"cannot be read: {reason}", code="file-unreadable", where=self._path

@@ -169,6 +169,20 @@ def test_an_invalid_file_keeps_the_last_device(folder):
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes")
+def test_a_folder_that_is_missing_for_a_while_is_not_made_again(folder):
+    project = Project(folder)
+    away = folder.rename(folder.with_name("away"))
+    with raises(DeviceError, "folder-missing"):
+        project.refresh()
+    with pytest.raises(StorageError):
+        project.restore()
+    assert not folder.exists()
+    away.rename(folder)
+    assert not project.refresh()
+    project.apply(body.rename_device("back"))
+    assert "back" in file_text(folder)
+
+
 def test_a_pipe_in_place_of_the_file_is_an_error_and_blocks_nothing(folder):
     project = Project(folder)
     path = folder / "device.toml"

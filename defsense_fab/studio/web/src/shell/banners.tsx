@@ -18,9 +18,11 @@ export function Banners() {
         <div class="banner danger" role="alert">
           <Icon name="error" />
           <p>{problem.text}</p>
-          <Button onClick={() => void run(connection.send("restore", {}))}>
-            Restore the last valid file
-          </Button>
+          {problem.code !== "folder-missing" && (
+            <Button onClick={() => void run(connection.send("restore", {}))}>
+              Restore the last valid file
+            </Button>
+          )}
         </div>
       )}
     </div>

@@ -37,10 +37,13 @@ export function dismissToast(id: number): void {
   toasts.value = toasts.value.filter((toast) => toast.id !== id);
 }
 
-// An error of a request belongs to the device as it was then.
-connection.listen("device-state", () => {
+// An error of a request belongs to the device and its file as they were then.
+function dismissErrors(): void {
   toasts.value = toasts.value.filter(({ isError }) => !isError);
-});
+}
+
+connection.listen("device-state", dismissErrors);
+connection.listen("page", dismissErrors);
 
 connection.listen("notice", ({ text, problem }) => {
   if (problem) showProblem(problem);
