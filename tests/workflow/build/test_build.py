@@ -241,7 +241,7 @@ def test_second_build_runs_no_stage(copy, capsys):
 def test_invalid_input_is_one_line_and_leaves_the_build(copy, capsys, old, new, fact):
     (copy / "broken.py").write_text("def body(length, width, height):\n    return 1 / 0\n")
     before = snapshot(copy / "build")
-    for _ in range(3):  # cords that are locked, which a build does not repair
+    for _ in range(2):  # cords that are locked, which a build does not repair
         change(copy, 'free = ["path", "plane"]', "free = []")
     change(copy, old, new)
     assert main(["build", str(copy)]) == 2
