@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.arrays import Bool, Float
+from ...core.arrays import Float, longest_run
 from ...core.curve import arc_lengths, per_span_for_spacing, resample, sample_path
 from ...core.curve_conversion import MIN_FIT_POINTS, fit_curve
 from ...core.device.device import Sensor
@@ -42,7 +42,7 @@ def refitted_paths(sensor: Sensor, surface: Surface, depth: SignedDistance) -> I
     """
     points = sample_path(sensor, per_span_for_spacing(sensor.curve, _SPACING_MM))
     count = max(len(sensor.curve.points), MIN_FIT_POINTS)
-    inside = points[_longest_run(depth(points) > 0)]
+    inside = points[longest_run(depth(points) > 0)]
     for trim in (0.0, _TRIM_MM):
         line = _line_to_surface(inside, trim, surface)
         if line is None:
@@ -108,12 +108,3 @@ def _line_to_surface(line: Float, trim: float, surface: Surface) -> Float | None
 def _run(out: Float, end: Float, surface: Surface) -> float:
     hits = surface_queries.cast_ray(end, out, surface)
     return float(hits[0]) if len(hits) else float("inf")
-
-
-def _longest_run(inside: Bool) -> slice:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
-    if not len(edges):
-        return slice(0, 0)
-    starts, stops = edges[::2], edges[1::2]
-    k = int((stops - starts).argmax())
-    return slice(int(starts[k]), int(stops[k]))

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...core.arrays import Float
+from ...core.arrays import Float, longest_run
 from ...core.curve import Hermite, Plane, arc_lengths, resample
 from ...core.curve_conversion import fit_curve
 from ...core.device.device import Sensor
@@ -106,7 +106,7 @@ def fit_stroke(surface: Surface, plane: Plane, stroke: Float) -> Hermite:
             action="Draw across the section",
         )
     points = resample(stroke, 0.0, float(lengths[-1]), int(lengths[-1] / _STEP_MM) + 2)
-    inside = _longest_run(inside_section(section, points))
+    inside = longest_run(inside_section(section, points))
     if inside.stop - inside.start < 2:
         raise LayoutError(
             "the stroke lies outside of the body's section",
@@ -191,16 +191,6 @@ class Snapper:
             if abs(offset) <= self._max_distance:
                 nearest, has_moved = nearest - offset * normal, True
         return Snap(nearest, "middle") if has_moved else Snap(point)
-
-
-def _longest_run(inside: np.ndarray) -> slice:
-    """Return the longest run of points that are inside."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
-    if not len(edges):
-        return slice(0, 0)
-    starts, stops = edges[::2], edges[1::2]
-    k = int((stops - starts).argmax())
-    return slice(int(starts[k]), int(stops[k]))
 
 
 def _extend_to_skin(section: Float, line: Float) -> Float:

@@ -203,7 +203,7 @@ def test_a_cord_is_drawn_by_clicks(open_sensors, folder):
     assert added.curve.points[:, 0].min() < added.curve.points[:, 0].mean() - 30
 
 
-def test_a_broken_limit_is_labeled_at_its_place(open_sensors, studio):
+def test_a_broken_limit_is_labeled_at_its_place(open_sensors):
     page = open_sensors()
     panel = page.get_by_role("region", name="Expected error and signals")
     expect(panel.get_by_text("All limits are kept, and the cords can be made")).to_be_visible()
@@ -225,6 +225,12 @@ def test_a_broken_limit_is_labeled_at_its_place(open_sensors, studio):
     inspector(page, "Sensors").get_by_role("button", name="Repair this cord").click()
     expect(label).to_have_count(0)
     expect(step_button(page, "Sensors")).to_have_accessible_name(re.compile("done"))
+
+
+def test_a_cord_that_cannot_be_made_is_labeled_at_its_place(open_sensors, studio):
+    page = open_sensors()
+    panel = page.get_by_role("region", name="Expected error and signals")
+    scene = page.get_by_role("main", name="Scene")
     studio.draw(unmakeable_cord(), replaces="middle")
     expect(scene.get_by_role("button", name="Groove cuts a part").first).to_be_visible()
     broken = panel.get_by_role("list", name="Broken limits")

@@ -1,5 +1,5 @@
 // What the errors of the page are: one name for each quantity, explained where it is shown.
-import { Popover } from "../ui/popover";
+import { TermsPopover } from "../ui/popover";
 
 const ERRORS: readonly [name: string, meaning: string][] = [
   [
@@ -21,16 +21,5 @@ const ERRORS: readonly [name: string, meaning: string][] = [
 ];
 
 export function ErrorHelp({ side }: { side?: "below" | "above" }) {
-  return (
-    <Popover label="About the expected error" side={side}>
-      <dl class="error-help">
-        {ERRORS.map(([name, meaning]) => (
-          <div key={name}>
-            <dt>{name}</dt>
-            <dd>{meaning}</dd>
-          </div>
-        ))}
-      </dl>
-    </Popover>
-  );
+  return <TermsPopover label="About the expected error" side={side} terms={ERRORS} />;
 }

@@ -52,3 +52,19 @@ export function Popover({ label, icon = "info", text, side = "below", children }
     </>
   );
 }
+
+/** A button that explains terms: pairs of a name and its meaning. */
+export function TermsPopover({ terms, ...popover }: { terms: readonly [string, string][] } & Omit<PopoverProps, "children">) {
+  return (
+    <Popover {...popover}>
+      <dl class="terms">
+        {terms.map(([name, meaning]) => (
+          <div key={name}>
+            <dt>{name}</dt>
+            <dd>{meaning}</dd>
+          </div>
+        ))}
+      </dl>
+    </Popover>
+  );
+}

@@ -1,5 +1,5 @@
 // What the names of decoders mean, explained where they are shown.
-import { Popover } from "../../ui/popover";
+import { TermsPopover } from "../../ui/popover";
 
 const PARTS: readonly [name: string, meaning: string][] = [
   ["affine", "A linear map from signals to positions. It needs the fewest data."],
@@ -11,16 +11,5 @@ const PARTS: readonly [name: string, meaning: string][] = [
 ];
 
 export function DecoderHelp() {
-  return (
-    <Popover label="About the decoders">
-      <dl class="error-help">
-        {PARTS.map(([name, meaning]) => (
-          <div key={name}>
-            <dt>{name}</dt>
-            <dd>{meaning}</dd>
-          </div>
-        ))}
-      </dl>
-    </Popover>
-  );
+  return <TermsPopover label="About the decoders" terms={PARTS} />;
 }
