@@ -16,6 +16,9 @@ export function doNext(): void {
   const next = pipeline.value?.next;
   if (!next || (next.stage && isJobActive.value)) return;
   if (next.step === "sensors" && device.value?.cords.length === 0) return draw();
+  const addPose = findCommand("pose.add");
+  const { poses = [], regions = [] } = device.value ?? {};
+  if (next.step === "poses" && addPose && poses.length === 0 && regions.length > 1) return runAnywhere(addPose);
   const live = findCommand("measure.live");
   if (next.step === "measure" && live && isAvailable(live)) return runAnywhere(live);
   if (isNextHere.value) document.querySelector<HTMLElement>(PANEL_BUTTONS)?.focus();

@@ -22,7 +22,7 @@ export function ParameterSection() {
         <p class="field-help">
           {source === "script"
             ? "The script's function body has no parameters with fields."
-            : "The body is a file, which has no parameters."}
+            : "The body is a file: “Scale of the file”, below in “Body file”, changes its size."}
         </p>
       )}
       {other.length > 0 && (

@@ -90,6 +90,7 @@ function WorstPose() {
   if (poses.length === 0) return null;
   const worst = poses.reduce((a, b) => (share(b) > share(a) ? b : a));
   const isHardlySensed = share(worst) > HARDLY_SENSED;
+  if (share(worst) >= 1) return <p class="problem-text">Not sensed at all: {worst.pose}</p>;
   return (
     <p class={isHardlySensed ? "problem-text" : "muted"}>
       {isHardlySensed ? "Hardly sensed" : "Sensed worst"}: {worst.pose}, {millimeters(worst.error)} of{" "}

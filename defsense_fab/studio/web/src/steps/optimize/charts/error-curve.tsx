@@ -6,6 +6,8 @@ import { Axes, type Frame } from "./axes";
 import { logScale, scaleFromZero } from "./scale";
 import { useSize } from "./use-size";
 
+/** Shortest time axis. */
+const SHORTEST_S = 1;
 const MARGINS = { left: 40, right: 14, top: 26, bottom: 34 };
 
 /** A chart of two lines with a cursor, which follows the pointer and the arrow keys. */
@@ -16,7 +18,7 @@ export function ErrorCurve({ search }: { search: Search }) {
   const { times, currents, bests, drawn } = search;
   const last = times.length - 1;
   const frame: Frame = { width, height, ...MARGINS };
-  const x = scaleFromZero(times, frame.left, width - frame.right);
+  const x = scaleFromZero([...times, SHORTEST_S], frame.left, width - frame.right);
   const y = logScale(drawn === null ? currents : [...currents, drawn], height - frame.bottom, frame.top);
   const at = cursor.value === null ? null : Math.min(cursor.value, last);
   const shown = at ?? last;
