@@ -29,7 +29,6 @@ export function LayoutTable() {
         { title: "Print time", cell: ({ printHours }) => unit(printHours, 0, "h"), isNumber: true },
         { title: "Error in use (90 %)", cell: trained, isNumber: true },
         { title: "Cord", cell: ({ length }) => unit(length && length / 10, 0, "cm"), isNumber: true },
-        { title: "Planes", cell: ({ planes }) => planes, isNumber: true },
         { title: "Use", cell: use },
       ]}
       rows={rows.value}

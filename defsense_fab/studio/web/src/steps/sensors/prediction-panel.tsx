@@ -14,6 +14,8 @@ import { draggedJudgement, judgement, violations } from "./state";
 
 /** Share of its movement from which on a pose's error is marked. */
 const HARDLY_SENSED = 0.2;
+/** Number of cords above which their signals are shown without bars. */
+const MANY_CORDS = 3;
 /** Lines of the scale of errors. */
 const SCALE_PARTS = 2;
 
@@ -173,7 +175,7 @@ function PoseTable({ judgement: { poses } }: { judgement: Judgement }) {
   const signalScale = useScale(Math.max(0, ...signals));
   const lines = Array.from({ length: SCALE_PARTS + 1 }, (_, i) => (errorScale * i) / SCALE_PARTS);
   return (
-    <table class="pose-table">
+    <table class={cords.length > MANY_CORDS ? "pose-table narrow" : "pose-table"}>
       <caption class="visually-hidden">Expected error and signals of each pose</caption>
       <thead>
         <tr>
