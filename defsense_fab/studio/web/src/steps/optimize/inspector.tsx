@@ -18,6 +18,7 @@ import {
   chosen,
   differs,
   isSearching,
+  rows,
   search,
   standing,
   useBestLabel,
@@ -61,8 +62,26 @@ function Standing() {
         <span>{state.text}</span>
       </p>
       {isSearching.value ? <SearchNumbers /> : <Numbers state={state} />}
+      {state.standing === "optimized" && <MoreAccurate />}
       <Actions />
     </div>
+  );
+}
+
+/** Share of the drawn cords' error by which another layout is worth a word. */
+const WORTH_A_WORD = 0.02;
+
+/** The layout that the search did not take, though it is a little more accurate. */
+function MoreAccurate() {
+  const drawn = rows.value.find((row) => row.isDrawn)?.error;
+  if (!drawn) return null;
+  const others = rows.value.filter(({ role, problem }) => role === "candidate" && !problem);
+  const error = Math.min(...others.map((row) => row.error ?? Infinity));
+  if (error > (1 - WORTH_A_WORD) * drawn) return null;
+  return (
+    <p class="muted">
+      {`Another layout has ${error.toFixed(2)} mm. The drawn one is about as accurate and simpler to make; “Use” in the table takes the other.`}
+    </p>
   );
 }
 
