@@ -78,3 +78,14 @@ def test_help_imports_no_numerical_library(words):
     )
     run = subprocess.run([sys.executable, "-c", code, *words], capture_output=True)
     assert (run.returncode, run.stderr) == (0, b"")
+
+
+def test_help_and_version_need_no_heavy_import():
+    code = (
+        "import sys; from defsense_fab.cli import main as cli\n"
+        "try: cli.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print(sorted({'numpy','scipy','build123d','vtk','numba'} & set(sys.modules)))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert out.stdout.splitlines()[-1] == b"[]"

@@ -1,6 +1,7 @@
-"""Progress without a terminal."""
+"""Output of commands without a terminal: progress, and a full or closed standard output."""
 
 import io
+import subprocess
 import sys
 import time
 
@@ -24,3 +25,20 @@ def test_current_step_is_repeated(monkeypatch):
     assert "s)" in lines[2]  # elapsed time
     assert out.getvalue().splitlines() == lines  # a completed stage is not repeated
     assert lines[-1].endswith("done")
+
+
+def test_unreadable_output_gives_no_traceback(tmp_path):
+    code = (
+        "from defsense_fab.cli import output as cli\nwith cli.standard_output(): print('x' * 99999)"
+    )
+    with open("/dev/full", "w") as full:
+        out = subprocess.run(
+            [sys.executable, "-c", code], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert "standard output: No space left on device" in out.stderr
+    piped = subprocess.run(
+        ["bash", "-c", f'"{sys.executable}" -c "{code}" | true; exit ${{PIPESTATUS[0]}}'],
+        capture_output=True,
+        text=True,
+    )
+    assert (piped.returncode, piped.stderr) == (0, "")

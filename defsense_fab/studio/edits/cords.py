@@ -148,7 +148,7 @@ def set_path(name: str, curve: Hermite) -> Edit:
 
 
 def redraw(sensor: Sensor) -> Edit:
-    """Replace a cord's curve, and its plane if it lies in one."""
+    """Replace a cord's curve, and the plane of a planar one."""
     path = set_path(sensor.name, sensor.curve)
     if not sensor.curve.is_planar:
         return path

@@ -173,7 +173,7 @@ class Project:
                     "the folder of the device is missing",
                     code="folder-missing",
                     where=self.folder,
-                    action="Put it back, and the studio goes on; nothing is lost",
+                    action="Put it back, and the studio continues; nothing is lost",
                 ) from None
             reason = error.strerror if isinstance(error, OSError) else str(error)
             raise DeviceError(

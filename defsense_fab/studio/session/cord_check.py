@@ -29,7 +29,7 @@ _DECIMALS = 6  # of millimeters, to which equal cords are equal
 
 
 class CordCheck:
-    """Makes the drawn cords on trial, in a process of its own; results are kept by content.
+    """Makes the drawn cords on trial in a separate process; results are cached by content.
 
     Args:
         session: The device.

@@ -42,7 +42,7 @@ interface SignalPlotProps {
   channels: readonly string[];
 }
 
-/** A plot of the history, which follows it by itself. */
+/** A plot of the history, which scrolls automatically. */
 export function SignalPlot({ history, channels }: SignalPlotProps) {
   const host = useRef<HTMLDivElement>(null);
   useEffect(() => {
