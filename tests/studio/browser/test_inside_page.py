@@ -52,18 +52,34 @@ def test_the_plane_is_moved_by_keys_and_numbers(page):
     expect(page.get_by_label("Offset, number")).to_have_value("0")
 
 
-def test_the_plane_is_dragged_by_its_arrow(page):
-    handle = page.get_by_role("button", name="Move the plane along its normal")
+def middle(handle):
     box = None
     while box != (box := handle.bounding_box()):  # until the view is at rest
-        page.wait_for_timeout(1000)
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        handle.page.wait_for_timeout(1000)
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def test_the_plane_is_dragged_by_its_arrow(page):
+    x, y = middle(page.get_by_role("button", name="Move the plane along its normal"))
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x, y - 40, steps=5)
     expect(page.get_by_text(re.compile(r"^Offset .* mm$"))).to_be_visible()
     page.mouse.up()
     expect(page.get_by_label("Offset, number")).not_to_have_value("0")
+
+
+def test_a_plane_that_leaves_the_body_returns_when_it_is_dropped(page):
+    handle = page.get_by_role("button", name="Move the plane along its normal")
+    x, y = middle(handle)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, y - 300, steps=10)
+    expect(page.get_by_text("The plane misses the body")).to_be_visible()
+    page.mouse.up()
+    expect(page.get_by_text("The plane misses the body")).to_have_count(0)
+    expect(handle).to_be_visible()
+    assert abs(offset(page)) < 20
 
 
 def test_states_are_scrubbed(page):

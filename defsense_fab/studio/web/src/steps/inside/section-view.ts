@@ -74,14 +74,17 @@ export class SectionView {
   private restTimer = 0;
   private revision = -1;
   private isDragged = false;
+  /** The last plane that met the body. */
+  private met: Frame | null = null;
 
   /**
    * @param start - Sets what is shown first after a simulation.
-   * @param hasShape - Whether the body is shown in the state, too.
+   * @param isMain - Whether the body is shown in the state, too, and a plane that was put outside
+   * the body returns to where it last met it, since its handle is at the section.
    */
   constructor(
     private readonly start: (state: InsideState, view: SectionView) => void,
-    private readonly hasShape: boolean,
+    private readonly isMain: boolean,
   ) {}
 
   /** Start to request what is shown; return a function to stop. */
@@ -90,7 +93,7 @@ export class SectionView {
       effect(() => this.follow(inside.value)),
       effect(() => this.request(this.content())),
     );
-    if (this.hasShape) this.stops.push(effect(() => this.requestShape()));
+    if (this.isMain) this.stops.push(effect(() => this.requestShape()));
     return () => {
       for (const stop of this.stops.splice(0)) stop();
       clearTimeout(this.restTimer);
@@ -102,7 +105,9 @@ export class SectionView {
   /** Set whether the plane is dragged; the fine section follows when it is dropped. */
   setDragged(isDragged: boolean): void {
     this.isDragged = isDragged;
-    if (!isDragged) this.refresh();
+    if (isDragged) return;
+    if (this.section.peek()) this.refresh();
+    else if (this.met) this.plane.value = this.met;
   }
 
   /** Request the same section again, as after the search has found a map. */
@@ -143,7 +148,7 @@ export class SectionView {
 
   private clear(): void {
     batch(() => {
-      this.section.value = this.shape.value = this.picked.value = null;
+      this.section.value = this.shape.value = this.picked.value = this.met = null;
       if (!inside.peek()?.isReady) {
         this.plane.value = null;
         this.revision = -1;
@@ -203,10 +208,11 @@ export class SectionView {
     const isSame = last?.quantity === content.quantity && this.range.peek() !== null;
     batch(() => {
       this.problem.value = "";
+      this.met = { origin: content.origin, axes: content.axes };
       this.range.value = isCoarse && isSame ? joinRanges(this.range.peek()!, range) : range;
       this.limits.value = [facts["lowest"], facts["highest"]];
       this.section.value = {
-        plane: { origin: content.origin, axes: content.axes },
+        plane: this.met,
         quantity: content.quantity,
         vertices: arrays["vertices"] as Float32Array,
         rest: arrays["rest"] as Float32Array,
@@ -224,6 +230,11 @@ export class SectionView {
     } else if (error.problem.code === "not-in-device") {
       this.cord.value = ""; // the cord was deleted
     } else if (error.problem.code === "plane-misses-body") {
+      if (this.isMain && this.met && !this.isDragged) {
+        this.plane.value = this.met;
+        showProblem(error.problem);
+        return;
+      }
       batch(() => {
         this.section.value = null;
         this.problem.value = "The plane misses the body";
