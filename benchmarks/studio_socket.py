@@ -15,6 +15,10 @@ _DRAG_COUNT = 200  # movements of a control point
 _SECTION_COUNT = 60  # planes, for each detail
 _POSE_COUNT = 15  # angles of a pose, each solved to the end
 _DRAG_MM = 3.0
+_CHECK_COUNT = 8  # changes of a cord, after each of which the drawn cords are checked
+_CHECK_DRAG_COUNT = 20  # movements of a control point during each check
+_CHANGE_MM = 0.05
+_CHECK_PAUSE_S = 0.7  # after which a check runs
 _SECTION_SHARE = 0.05  # of the body's size, to both sides of the first plane
 _TURN_DEG = 8.0
 
@@ -34,6 +38,8 @@ def measure_socket(device: Path) -> None:
             client.ask("add-straight")
             state = first_event(studio.port, "device-state")
         _print_delays("dragged point to error", _drag_point(client, state["cords"][0]))
+        delays = _drag_point_during_checks(client, studio.port, state["cords"][0])
+        _print_delays("the same during a check", delays)
         for detail in ("coarse", "fine"):
             _print_delays(f"plane to {detail} section", _move_plane(client, studio.port, detail))
         coarse, fine = _turn_region(studio.port)
@@ -42,9 +48,8 @@ def measure_socket(device: Path) -> None:
         client.close()
 
 
-def _drag_point(client: SocketClient, cord: dict[str, Any]) -> np.ndarray:
-    index = min(2, len(cord["points"]) - 1)
-    point = np.array(cord["points"][index])
+def _drag_point(client: SocketClient, cord: dict[str, Any], count: int = _DRAG_COUNT) -> np.ndarray:
+    index, point = _dragged(cord)
 
     def drag(k: int) -> None:
         turn = 2 * np.pi * k / 40
@@ -54,7 +59,33 @@ def _drag_point(client: SocketClient, cord: dict[str, Any]) -> np.ndarray:
         if answer["result"]["judgement"] is None:
             raise RuntimeError("simulate the poses of the device first")
 
-    return _times(drag, _DRAG_COUNT)
+    return _times(drag, count)
+
+
+def _drag_point_during_checks(client: SocketClient, port: int, cord: dict[str, Any]) -> np.ndarray:
+    """Drag a point while another process makes the drawn cords on trial."""
+    index, point = _dragged(cord)
+    seconds = []
+    for k in range(_CHECK_COUNT):
+        to = point + (-1) ** k * _CHANGE_MM * np.eye(len(point))[0]
+        client.ask("drag-point", cord=cord["name"], index=index, to=to.tolist(), write=True)
+        time.sleep(_CHECK_PAUSE_S)
+        if _check_state(port) == "checking":
+            seconds.append(_drag_point(client, cord, _CHECK_DRAG_COUNT))
+        while _check_state(port) == "checking":
+            time.sleep(0.2)
+    if not seconds:
+        raise RuntimeError("the cords of the device break a limit, so that no check runs")
+    return np.concatenate(seconds)
+
+
+def _check_state(port: int) -> str:
+    return str(first_event(port, "prediction")["check"]["state"])
+
+
+def _dragged(cord: dict[str, Any]) -> tuple[int, np.ndarray]:
+    index = min(2, len(cord["points"]) - 1)
+    return index, np.array(cord["points"][index])
 
 
 def _move_plane(client: SocketClient, port: int, detail: str) -> np.ndarray:
