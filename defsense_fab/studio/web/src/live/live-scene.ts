@@ -34,6 +34,7 @@ export class LiveScene {
     this.viewer.canvas.setAttribute("aria-label", "Live device");
     this.viewer.scene.add(this.markers.object, this.tracks.object);
     this.viewer.body.setOpacity(BODY_OPACITY);
+    this.viewer.body.setGrid(true);
     this.viewer.onNextFrame(() => this.showFrame());
     this.stopTheme = onThemeChange(() => {
       this.isDark = isDark();

@@ -16,7 +16,7 @@ import { computeNormals, creaseMesh, longEdges } from "./body-geometry";
 import { coarseIndex } from "./coarse-index";
 import { ORDER } from "./order";
 import { intersectRay, type RayHit } from "./ray";
-import { bodyMaterial } from "./shading";
+import { bodyMaterial, gridSpacing, setGrid } from "./shading";
 import type { SceneColors } from "./theme";
 
 /** Bodies with fewer triangles are fast enough. */
@@ -41,6 +41,8 @@ export class BodyLayer {
   private colors: BufferAttribute | null = null;
   private opacity = 1;
   private dimming = 1;
+  private hasGrid = false;
+  private restSize = 1;
 
   constructor(
     private readonly onChange: () => void,
@@ -73,7 +75,7 @@ export class BodyLayer {
     this.lines.geometry.dispose();
     const geometry = new BufferGeometry();
     const count = 3 * creased.source.length;
-    for (const name of ["position", "normal"]) {
+    for (const name of ["position", "normal", "rest"]) {
       const attribute = new BufferAttribute(new Float32Array(count), 3);
       geometry.setAttribute(name, attribute.setUsage(DynamicDrawUsage));
     }
@@ -84,11 +86,22 @@ export class BodyLayer {
     this.depthMesh.geometry = geometry;
     const lines = new BufferGeometry();
     lines.setAttribute("position", new BufferAttribute(vertices, 3));
-    const size = this.box.setFromArray(vertices).getSize(new Vector3()).length();
-    lines.setIndex(new BufferAttribute(longEdges(vertices, edges, SMALLEST_LINE * size), 1));
+    this.restSize = this.box.setFromArray(vertices).getSize(new Vector3()).length();
+    const smallest = SMALLEST_LINE * this.restSize;
+    lines.setIndex(new BufferAttribute(longEdges(vertices, edges, smallest), 1));
     this.lines.geometry = lines;
     this.setColors(null);
     this.deform(vertices);
+    const rest = geometry.getAttribute("rest").array as Float32Array;
+    rest.set(geometry.getAttribute("position").array);
+    this.setGrid(this.hasGrid);
+  }
+
+  /** Show whether a round body turns, by lines of the body at rest. */
+  setGrid(hasGrid: boolean): void {
+    this.hasGrid = hasGrid;
+    setGrid(this.material, hasGrid ? gridSpacing(this.restSize) : 0);
+    this.onChange();
   }
 
   /** Move the vertices (v, 3) of the body in place. */

@@ -10,6 +10,7 @@ import {
   type Texture,
   Vector2,
 } from "three";
+import { roundLength } from "./scale-bar";
 
 /** Stencil value of the pixels where the body hides what is behind it. */
 const BODY_STENCIL = 1;
@@ -25,12 +26,24 @@ export const LIGHT = /* glsl */ `
   }
 `;
 
+/** Cells of the lines on a body, at least, along its diagonal. */
+const SMALLEST_CELL_COUNT = 8;
+/** Darkness of the lines. */
+const GRID_STRENGTH = 0.3;
+
 const BODY_VERTEX = /* glsl */ `
   varying vec3 vNormal;
   varying vec3 vColor;
   uniform vec3 base;
+  #ifdef HAS_GRID
+    attribute vec3 rest;
+    varying vec3 vRest;
+  #endif
   void main() {
     vNormal = normalMatrix * normal;
+    #ifdef HAS_GRID
+      vRest = rest;
+    #endif
     #ifdef USE_COLOR
       vColor = color;
     #else
@@ -47,8 +60,25 @@ const BODY_FRAGMENT = /* glsl */ `
   uniform float opacity;
   uniform bool isExact;
   ${LIGHT}
+  #ifdef HAS_GRID
+    uniform float grid;
+    varying vec3 vRest;
+    // Lines in planes of the body at rest, a pixel wide; none on faces along such a plane.
+    float gridLine() {
+      vec3 across = abs(normalize(cross(dFdx(vRest), dFdy(vRest))));
+      vec3 pixels = max(fwidth(vRest), 1e-6);
+      vec3 distance = abs(fract(vRest / grid - 0.5) - 0.5) * grid / pixels;
+      vec3 line = (1.0 - smoothstep(0.5, 1.5, distance)) * (1.0 - smoothstep(0.75, 0.95, across))
+        * (1.0 - smoothstep(0.1, 0.35, pixels / grid));
+      return max(line.x, max(line.y, line.z));
+    }
+  #endif
   void main() {
-    gl_FragColor = vec4(isExact ? vColor : lit(vColor, normalize(vNormal)), opacity);
+    vec3 color = isExact ? vColor : lit(vColor, normalize(vNormal));
+    #ifdef HAS_GRID
+      color *= 1.0 - ${GRID_STRENGTH} * gridLine();
+    #endif
+    gl_FragColor = vec4(color, opacity);
     #include <colorspace_fragment>
   }
 `;
@@ -56,12 +86,14 @@ const BODY_FRAGMENT = /* glsl */ `
 /** Return the material of a body; it marks in the stencil where it hides cords. */
 export function bodyMaterial(): ShaderMaterial {
   return new ShaderMaterial({
+    defines: {},
     vertexShader: BODY_VERTEX,
     fragmentShader: BODY_FRAGMENT,
     uniforms: {
       base: { value: new Color() },
       opacity: { value: 1 },
       isExact: { value: false },
+      grid: { value: 1 },
     },
     polygonOffset: true,
     polygonOffsetFactor: 1,
@@ -71,6 +103,25 @@ export function bodyMaterial(): ShaderMaterial {
     stencilFunc: AlwaysStencilFunc,
     stencilZPass: ReplaceStencilOp,
   });
+}
+
+/**
+ * Draw lines on a body that move with it, so that turning a round body is seen.
+ *
+ * @param spacing - Their distance in the body at rest, mm; 0 for none. Where it is not 0, the
+ * geometry has an attribute `rest` with the places of the vertices at rest.
+ */
+export function setGrid(material: ShaderMaterial, spacing: number): void {
+  if (spacing) material.uniforms["grid"]!.value = spacing;
+  if ("HAS_GRID" in material.defines === spacing > 0) return;
+  if (spacing) material.defines["HAS_GRID"] = "";
+  else delete material.defines["HAS_GRID"];
+  material.needsUpdate = true;
+}
+
+/** Return a distance of the lines for a body with a diagonal, mm. */
+export function gridSpacing(diagonal: number): number {
+  return roundLength(diagonal / SMALLEST_CELL_COUNT);
 }
 
 const TUBE_VERTEX = /* glsl */ `

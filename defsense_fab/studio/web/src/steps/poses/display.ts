@@ -68,6 +68,7 @@ export function showPosedBody(viewer: Viewer): () => void {
   const replacements = signal(0);
   viewer.scene.add(colored.object);
   areCordsShown.value = false;
+  viewer.body.setGrid(true);
   const stops = [
     // The body of the device replaces the meshed one, which is shown again.
     connection.onArrays("body", () => {
@@ -106,6 +107,7 @@ export function showPosedBody(viewer: Viewer): () => void {
     viewer.scene.remove(colored.object);
     colored.dispose();
     areCordsShown.value = true;
+    viewer.body.setGrid(false);
     const stop = connection.onArrays("body", ({ arrays }) => viewer.body.set(arrays));
     stop();
   };

@@ -1,9 +1,18 @@
 // The faces of regions in their colors, over the body or with it.
-import { BufferAttribute, BufferGeometry, type Color, Group, Mesh, type ShaderMaterial } from "three";
+import {
+  Box3,
+  BufferAttribute,
+  BufferGeometry,
+  type Color,
+  Group,
+  Mesh,
+  type ShaderMaterial,
+  Vector3,
+} from "three";
 import type { NumberArray } from "../../protocol/connection";
 import { computeNormals, creaseMesh } from "../../scene/body-geometry";
 import { ORDER } from "../../scene/order";
-import { bodyMaterial } from "../../scene/shading";
+import { bodyMaterial, gridSpacing, setGrid } from "../../scene/shading";
 
 export interface ColoredRegion {
   color: string;
@@ -17,6 +26,8 @@ export class PosedBody {
   readonly object = new Group();
   private positions = new BufferAttribute(new Float32Array(), 3);
   private normals = new BufferAttribute(new Float32Array(), 3);
+  private rest = new BufferAttribute(new Float32Array(), 3);
+  private spacing = 0;
   private source: Uint32Array = new Uint32Array();
   private faces: Uint32Array = new Uint32Array();
   private original: Uint32Array = new Uint32Array();
@@ -37,6 +48,8 @@ export class PosedBody {
     this.positions = new BufferAttribute(new Float32Array(size), 3);
     this.normals = new BufferAttribute(new Float32Array(size), 3);
     this.deform(vertices);
+    this.rest = this.positions.clone();
+    this.spacing = gridSpacing(new Box3().setFromArray(vertices).getSize(new Vector3()).length());
     this.color(this.regions);
   }
 
@@ -88,8 +101,10 @@ export class PosedBody {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", this.positions);
     geometry.setAttribute("normal", this.normals);
+    geometry.setAttribute("rest", this.rest);
     geometry.setIndex(index);
     const material = bodyMaterial();
+    setGrid(material, this.spacing);
     (material.uniforms["base"]!.value as Color).set(color);
     const mesh = new Mesh(geometry, material);
     mesh.renderOrder = ORDER.body + 0.5;
