@@ -32,7 +32,7 @@ PoseRole = Literal["free", "held", "turned", "moved"]
 _KEY = "poses"
 _STATE_LISTS = ("mixtures", "held_out")  # lists of [states] whose rows name poses
 _REGION_LISTS = ("handles", "symmetry", "pressures")  # lists of a pose whose rows name a region
-_INITIAL_TURN_DEGREES = 10.0  # about z, as a pose without motion is invalid
+_INITIAL_TURN_DEGREES = 10.0  # as a pose without motion is invalid
 _POINT_TOLERANCE_MM = 1e-6
 _MIN_TURN_RAD, _MIN_SHIFT_MM = np.deg2rad(0.05), 0.05  # smaller changes are not written
 _COORDINATE_AXIS_TOLERANCE_DEG = 1.0
@@ -46,11 +46,11 @@ _POINT_KEYS: dict[str, tuple[str, ...]] = {
 }
 
 
-def add_pose(name: str, fixed: Sequence[str], region: str) -> Edit:
-    """Add a pose that holds regions and turns another one by 10 degrees about z."""
+def add_pose(name: str, fixed: Sequence[str], region: str, axis: Float) -> Edit:
+    """Add a pose that holds regions and turns another one by 10 degrees about an axis (3,)."""
 
     def change(document: TOMLDocument) -> None:
-        turn = rotation_table(np.array([0.0, 0.0, 1.0]), _INITIAL_TURN_DEGREES)
+        turn = rotation_table(axis, _INITIAL_TURN_DEGREES)
         handle = inline({"region": region, "rotate": turn, "translate": "free"})
         append(
             document,

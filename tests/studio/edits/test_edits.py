@@ -113,7 +113,7 @@ def test_poses_keep_their_states_and_regions_in_step(folder):
 
 
 def test_poses_are_added_copied_turned_and_pulled(folder):
-    text = done(poses.add_pose("push", ["base"], "tip"))
+    text = done(poses.add_pose("push", ["base"], "tip", np.eye(3)[2]))
     text = done(poses.shift_handle("push", "tip", [0, 0, -4.5]), text)
     text = done(poses.turn_handle("push", "tip", np.array([0, 0, 3.0]), 12.0), text)
     text = done(poses.turn_handle("twist", "tip", np.array([1.0, 0, 0]), 50.0), text)
@@ -133,7 +133,7 @@ def test_poses_are_added_copied_turned_and_pulled(folder):
 
 
 def test_added_tables_are_separated_by_one_empty_line():
-    text = done(poses.add_pose("push", ["base"], "tip"))
+    text = done(poses.add_pose("push", ["base"], "tip", np.eye(3)[2]))
     text = done(cords.mirror_cord("top", "low", np.zeros(3), np.array([0.0, 0, 1])), text)
     text = done(cords.mirror_cord("top", "lower", np.zeros(3), np.array([0.0, 0, 1])), text)
     for head in ("[[poses]]", "[states]", "[[sensors]]"):

@@ -207,6 +207,14 @@ def test_poses_are_added_copied_renamed_and_deleted_in_one_step(bench):
     assert bench.project.text == text
 
 
+def test_a_new_pose_turns_as_no_other_does_and_bends_before_it_twists(bench):
+    bench.ask(pose_edits.DeletePoses, poses=[pose.name for pose in bench.device.poses])
+    names = [bench.ask(pose_edits.AddPose).name for _ in range(4)]
+    assert names == ["bend", "bend_2", "twist", "bend_3"]
+    turns = [pose.handles[0].rotation for pose in bench.device.poses]
+    assert (np.argmax(np.abs(turns), axis=1) == [1, 2, 0, 1]).all()
+
+
 def test_turns_shifts_and_pivots_are_set_by_numbers(bench):
     tip = {"pose": "bend_up", "region": "tip"}
     bench.ask(pose_edits.SetTurn, **tip, turn="angle", axis=[0, 0, 2.0], degrees=12.5)

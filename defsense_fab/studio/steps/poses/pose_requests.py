@@ -25,9 +25,11 @@ from ...edits.poses import (
 from ...messages import pose_edits as messages
 from ...session.device_session import DeviceSession
 from ...session.step import Handler
-from .grips import rotation_center
+from .grips import rotation_center, shape_center
 
 _INITIAL_PULL = 0.15  # of a new pull, times the body's size
+_TWIST_COSINE = 0.9  # of the angle between the axis of a twist and the line of both regions
+_SAME_AXIS_COSINE = 0.9
 _INITIAL_STIFFNESS = 1.0  # N/mm, the default of `poses.drags.stiffness`
 
 
@@ -82,9 +84,25 @@ class PoseRequests:
         inside = points_in_regions(device.regions, self._points())
         others = [name for name in regions if name != held]
         separate = [name for name in others if not (inside[name] & inside[held]).any()]
-        name = self._free_name("pose")
-        self._session.apply(add_pose(name, [held], (separate or others)[-1]))
+        region = (separate or others)[-1]
+        axis, motion = self._new_motion(held, region)
+        name = self._free_name(motion)
+        self._session.apply(add_pose(name, [held], region, axis))
         return messages.PoseResult(name=name)
+
+    def _new_motion(self, held: str, region: str) -> tuple[Float, str]:
+        """Return the axis (3,) of the first turn that no pose has, bends first, and its name."""
+        device, points = self._session.device, self._points()
+        base, moved = (
+            shape_center(shape, points[shape.contains(points)])
+            for shape in (device.regions[held], device.regions[region])
+        )
+        direction = np.abs(moved - base) / (np.linalg.norm(moved - base) or 1.0)
+        turns = [h.rotation for pose in device.poses for h in pose.handles if h.region == region]
+        order = np.argsort(direction, kind="stable")
+        unused = [k for k in order if not any(_is_about(turn, k) for turn in turns)]
+        k = (unused or order)[0]
+        return np.eye(3)[k], "twist" if direction[k] > _TWIST_COSINE else "bend"
 
     def _duplicate(self, _: Client, request: messages.DuplicatePose) -> messages.PoseResult:
         name = self._free_name(request.pose)
@@ -155,6 +173,11 @@ class PoseRequests:
 
     def _free_name(self, name: str) -> str:
         return free_name(name, [pose.name for pose in self._session.device.poses])
+
+
+def _is_about(turn: Float, axis: int) -> bool:
+    """Return whether a rotation vector (3,) is mainly about a coordinate axis."""
+    return bool(abs(turn[axis]) > _SAME_AXIS_COSINE * np.linalg.norm(turn))
 
 
 def finite_list(values: list[float], what: str, count: int = 3) -> list[float]:

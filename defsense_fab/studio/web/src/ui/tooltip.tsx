@@ -14,9 +14,24 @@ export function tooltip(text: string | undefined, shortcut?: string): Record<str
 /** The layer that shows the tooltip of the element under the pointer or in focus. */
 export function TooltipLayer() {
   const [anchor, setAnchor] = useState<HTMLElement | null>(null);
+  const [, setRevision] = useState(0);
   const layer = useRef<HTMLDivElement>(null);
 
   useEffect(() => followPointerAndFocus(setAnchor), []);
+
+  // The text may change while it is shown, and its element may go away.
+  useEffect(() => {
+    if (!anchor) return undefined;
+    const observer = new MutationObserver(() => {
+      if (anchor.isConnected) setRevision((revision) => revision + 1);
+      else setAnchor(null);
+    });
+    observer.observe(anchor, { attributeFilter: ["data-tooltip", "data-shortcut"] });
+    for (let above = anchor.parentNode; above; above = above.parentNode) {
+      observer.observe(above, { childList: true });
+    }
+    return () => observer.disconnect();
+  }, [anchor]);
 
   const { tooltip: text = "", shortcut } = anchor?.dataset ?? {};
   const isEmpty = !text && !shortcut; // also if the shown element loses its text

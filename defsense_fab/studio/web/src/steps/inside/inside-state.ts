@@ -3,7 +3,6 @@ import { effect, signal } from "@preact/signals";
 import type { Viewer } from "../../scene/viewer";
 import { device } from "../../state/connection";
 import { NextCordTool } from "./next-cord";
-import { showPlace } from "./place";
 import { type Axis, axisPlane, flip, offsetOf, slide } from "./plane";
 import { SectionLayer } from "./section-layer";
 import { inside, SectionView } from "./section-view";
@@ -31,7 +30,6 @@ export function openInside(viewer: Viewer): () => void {
     view.open(),
     tool.open(),
     effect(() => layer.face(isFacing.value)),
-    showPlace(viewer, view),
     effect(() => (isPlaying.value ? play() : undefined)),
   ];
   return () => {

@@ -7,8 +7,7 @@ import { Section } from "../../ui/section";
 import { BuildBanner } from "./build-banner";
 import { GuideList } from "./guide-list";
 import { StageCard } from "./stage-card";
-import { openPlace } from "./open-place";
-import { guide, stage } from "./state";
+import { guide, hidePlace, type Place, place, showPlace, stage } from "./state";
 
 /** Titles of the lists by those of the guide. */
 const TITLES: Record<string, string> = {
@@ -24,6 +23,19 @@ export function MakeInspector() {
       <StageCard />
       {shown?.id && <Lists shown={shown} isOpen={stage.value === null} />}
     </div>
+  );
+}
+
+function PlaceButton({ at, text }: Place) {
+  const isShown = place.value?.text === text;
+  return (
+    <Button
+      variant="quiet"
+      icon={isShown ? "eyeOff" : "eye"}
+      onClick={() => (isShown ? hidePlace() : showPlace({ at, text }))}
+    >
+      {isShown ? "Hide the place" : "Show the place"}
+    </Button>
   );
 }
 
@@ -44,11 +56,7 @@ function Lists({ shown, isOpen }: { shown: Guide; isOpen: boolean }) {
             {sorted.map(({ text, point }) => (
               <li key={text}>
                 <p>{inPageWords(text)}</p>
-                {point && (
-                  <Button variant="quiet" icon="eye" onClick={() => openPlace(point, text)}>
-                    Show the place
-                  </Button>
-                )}
+                {point && <PlaceButton at={point} text={text} />}
               </li>
             ))}
           </ul>

@@ -2,9 +2,11 @@
 import { effect, signal } from "@preact/signals";
 import type { ArrayMessage } from "../../protocol/connection";
 import { Vector3 } from "three";
+import type { Label } from "../../scene/label-layer";
 import { areCordsShown, isBodyShown, tool } from "../../scene/stage";
 import type { Viewer } from "../../scene/viewer";
 import { connection } from "../../state/connection";
+import { inPageWords } from "../../state/page-words";
 import { run } from "../../state/run";
 import { clearSelection, hovered, isSame, select } from "../../state/selection";
 import { openContextMenu } from "../../ui/menu";
@@ -15,6 +17,8 @@ import {
   explosion,
   guide,
   hiddenParts,
+  hidePlace,
+  type Place,
   partItem,
   parts,
   partsEvent,
@@ -22,6 +26,8 @@ import {
   selectedPart,
   stage,
 } from "./state";
+
+const MAX_TEXT = 90;
 
 /** The surfaces of the parts, fetched when they are first shown. */
 export const meshes = signal<ArrayMessage | null>(null);
@@ -112,14 +118,9 @@ export function attachParts(viewer: Viewer): () => void {
     effect(() => layer.setSelected(selectedPart.value)),
     effect(() => layer.setHovered(hovered.value?.kind === "part" ? hovered.value.name : null)),
     effect(() => {
-      const point = place.value;
-      viewer.labels.set(
-        "place",
-        point
-          ? [{ id: "place", text: "Here", at: [...point], tone: "alarm", priority: 10 }]
-          : [],
-      );
-      if (point) viewer.rig.flyTo(new Vector3().fromArray([...point]));
+      const shown = place.value;
+      viewer.labels.set("place", shown ? [placeLabel(shown)] : []);
+      if (shown) viewer.rig.flyTo(new Vector3().fromArray([...shown.at]));
     }),
   ];
   return () => {
@@ -137,6 +138,12 @@ export function attachParts(viewer: Viewer): () => void {
       viewer.rig.fit();
     }
   };
+}
+
+function placeLabel({ at, text }: Place): Label {
+  const words = inPageWords(text);
+  const short = words.length > MAX_TEXT ? `${words.slice(0, MAX_TEXT).trimEnd()} ...` : words;
+  return { id: "place", text: short, at: [...at], tone: "alarm", priority: 10, onClick: hidePlace };
 }
 
 function labels(layer: PartsLayer) {

@@ -20,18 +20,29 @@ export const stage = computed(() => stages.value[stageIndex.value] ?? null);
 /** Distance of the parts, from 0 (assembled) to 1. */
 export const explosion = signal(1);
 
-/** The place of a warning that is shown (3,), mm, or null. */
-export const place = signal<readonly number[] | null>(null);
+/** The place of a warning: where (3,), mm, and what is there. */
+export interface Place {
+  readonly at: readonly number[];
+  readonly text: string;
+}
+
+/** The place that is shown, among the assembled parts, which are transparent meanwhile. */
+export const place = signal<Place | null>(null);
 
 export function showStage(index: number): void {
   place.value = null;
   stageIndex.value = Math.min(Math.max(index, -1), stages.value.length - 1);
 }
 
-export function showPlace(point: readonly number[]): void {
+export function showPlace(shown: Place): void {
   stageIndex.value = -1;
   explosion.value = 0;
-  place.value = point;
+  place.value = shown;
+}
+
+export function hidePlace(): void {
+  place.value = null;
+  explosion.value = 1;
 }
 
 const done = computed(() => new Set(progress.value?.done ?? []));
