@@ -3,13 +3,14 @@ import { showToast } from "../../state/toasts";
 import { Button } from "../../ui/button";
 import { Icon } from "../../ui/icons";
 import { isMeshing, isMeshNeeded, isSimulated, makeMesh } from "./mesh";
-import { posesState } from "./state";
+import { posesState, shownPose } from "./state";
 
 /** That the body is meshed, or a button that meshes it where that was canceled or has failed. */
 export function MeshNotice() {
   if (!isMeshNeeded.value) return null;
   if (isMeshing.value) {
-    return (
+    // A shown pose says so in its line of status, so that its fields keep their places.
+    return shownPose.value ? null : (
       <div class="notice" role="status">
         <span class="spinner" aria-hidden="true" />
         <p>The body is being meshed. Then it follows while you change poses.</p>

@@ -10,7 +10,7 @@ import { SelectField } from "../../ui/select-field";
 import { UNDERSCORE_NOTE, rename, underscored } from "../../shell/rename";
 import { TextField } from "../../ui/text-field";
 import { poseMenu } from "./commands";
-import { isMeshNeeded } from "./mesh";
+import { isMeshing, isMeshNeeded } from "./mesh";
 import { HandleFields } from "./handle-fields";
 import { Gravity, Pressures, Pulls, Symmetry } from "./load-fields";
 import { centers, chosenGrip, grip, isMeshed, regions, shapeStatus, type ShapeStatus } from "./state";
@@ -83,6 +83,14 @@ function ShapeStatusLine({ pose }: { pose: PoseState }) {
           <strong>{problem.short}.</strong> {problem.text}
         </p>
       </div>
+    );
+  }
+  if (isMeshing.value) {
+    return (
+      <p class="shape-status" role="status">
+        <span class="spinner" aria-hidden="true" />
+        <span>Meshing the body; then it follows</span>
+      </p>
     );
   }
   if (!isMeshed.value) return null;
