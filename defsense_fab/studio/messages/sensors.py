@@ -205,8 +205,6 @@ class DeletePoint(Request, frozen=True, kw_only=True):
 class SmoothCord(Request, frozen=True, kw_only=True):
     """Compute the tangents of a cord from its points, which move if a limit needs it."""
 
-    lane: ClassVar[str] = "search"
-
     cord: str
 
 

@@ -23,6 +23,7 @@ from ...workflow.view import Client, Request
 from ..background.latest_worker import LatestWorker
 from ..edits.body_fit import fit_to_body
 from ..messages import body as messages
+from ..session.computed_edit import apply_computed
 from ..session.cord_states import rounded
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
@@ -136,7 +137,7 @@ class BodyFitStep(Step):
         pairs = zip(device.sensors, fitted.sensors, strict=True)
         changed = [new for old, new in pairs if new is not old]
         edit = fit_to_body(device, changed, maps, moved)
-        session.apply(edit)
+        apply_computed(session, edit, device, "Fit again", changes_poses=True)
         session.notify(describe_result(edit.name, fitted.remaining))
 
 

@@ -22,6 +22,7 @@ from ..edits import cords as edits
 from ..edits.edit import Edit, free_name
 from ..messages import sensors as messages
 from ..session.built_cords import built_cords
+from ..session.computed_edit import apply_computed
 from ..session.cord_check import CordCheck
 from ..session.cord_states import is_smooth, path_points, plane_of, rounded
 from ..session.device_session import DeviceSession
@@ -175,8 +176,10 @@ class SensorsStep(Step):
 
     def _smooth(self, _: Client, request: messages.SmoothCord) -> None:
         name = self._cord(request.cord).name
-        found = smooth_cord(self.session.device, self.session.newest_surface, name)
-        self._apply(edits.smooth(name, found.sensor if found.has_moved else None))
+        device = self.session.device
+        found = smooth_cord(device, self.session.newest_surface, name)
+        edit = edits.smooth(name, found.sensor if found.has_moved else None)
+        apply_computed(self.session, edit, device, "Smooth it again")
         if found.has_moved:
             self.session.notify(f"{name}: control points moved, to keep the limits")
 
@@ -184,8 +187,10 @@ class SensorsStep(Step):
         self._vertices()
         assert self.session.newest_surface is not None
         names = [self._cord(name).name for name in request.cords] or None
-        found = repair_cords(self.session.device, self.session.newest_surface, names)
-        self._apply(edits.repair([s for s in found.sensors if s.name in found.moves]))
+        device = self.session.device
+        found = repair_cords(device, self.session.newest_surface, names)
+        edit = edits.repair([s for s in found.sensors if s.name in found.moves])
+        apply_computed(self.session, edit, device, "Repair again")
         return messages.RepairResult(
             cords=list(found.moves),
             largest_move=max(found.moves.values()),

@@ -5,14 +5,15 @@ import pytest
 
 from defsense_fab.core.curve import sample_path
 from defsense_fab.core.device.regions import Cylinder, HalfSpace, Sphere
-from defsense_fab.core.errors import LayoutError
+from defsense_fab.core.errors import DeviceError, LayoutError
 from defsense_fab.core.mesh import Surface
 from defsense_fab.studio.messages.body import BodyFit
 from defsense_fab.studio.messages.poses import PosesState
 from defsense_fab.studio.messages.sensors import Prediction
 from defsense_fab.studio.messages.shell import Pipeline
+from defsense_fab.studio.steps import body_fit as body_fit_module
 from defsense_fab.studio.steps.body_fit import describe_misfits
-from defsense_fab.workflow.design.body_fit import BoxMap, Misfit
+from defsense_fab.workflow.design.body_fit import BoxMap, Misfit, fit_cords
 from defsense_fab.workflow.device import load_device
 from tests.support.errors import raises
 
@@ -96,6 +97,20 @@ def test_all_is_fitted_to_the_body_in_one_step_of_undo(app):
     app.browser.ask("redo")
     wait(app)
     assert not fit(app).misfits
+
+
+def test_a_fit_does_not_overwrite_what_was_changed_meanwhile(app, monkeypatch):
+    scale_body(app, 0.6)
+
+    def fit_slowly(*arguments):
+        result = fit_cords(*arguments)
+        app.browser.ask("delete-poses", poses=[app.session.device.poses[0].name])
+        return result
+
+    monkeypatch.setattr(body_fit_module, "fit_cords", fit_slowly)
+    with raises(DeviceError, "changed-meanwhile", changed=("poses",)):
+        app.browser.ask("fit-to-body")
+    assert app.session.project.undo_name.startswith("delete")
 
 
 def test_cords_that_were_moved_since_stay(app):

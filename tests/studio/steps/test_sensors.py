@@ -1,11 +1,15 @@
 """Cords are drawn, dragged and edited; the expected error follows."""
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
 from defsense_fab.core.errors import DeviceError, LayoutError
-from defsense_fab.studio.messages.sensors import Prediction
-from defsense_fab.studio.messages.shell import DeviceState, Pipeline
+from defsense_fab.studio.messages.sensors import Prediction, SmoothCord
+from defsense_fab.studio.messages.shell import DeviceState, Pipeline, Undo
+from defsense_fab.studio.steps import sensors as sensors_module
 from defsense_fab.workflow.device import load_device
 from tests.support.errors import raises
 
@@ -132,6 +136,61 @@ def test_smoothing_breaks_no_limit(app):
     app.browser.ask("smooth-cord", cord=name)
     assert cords(app)[name].is_smooth
     assert not broken(app, name)
+
+
+def meanwhile(monkeypatch, name, action):
+    """Let another user act as soon as a function of the step has computed its result."""
+    compute = getattr(sensors_module, name)
+
+    def computed(*arguments):
+        result = compute(*arguments)
+        action()
+        return result
+
+    monkeypatch.setattr(sensors_module, name, computed)
+
+
+def test_a_repair_does_not_overwrite_what_was_drawn_meanwhile(app, monkeypatch):
+    name, other = list(cords(app))[:2]
+    drag(app, name, 3, [0.0, 9.0])
+    meanwhile(monkeypatch, "repair_cords", lambda: drag(app, name, 5, [0.0, 3.0]))
+    with raises(DeviceError, "changed-meanwhile"):
+        app.browser.ask("repair-cords", cords=[name])
+    assert app.session.project.undo_name == f"move control point 6 of `{name}`"
+    monkeypatch.undo()
+    free = {"cord": other, "free": ["path"]}
+    meanwhile(monkeypatch, "repair_cords", lambda: app.browser.ask("set-freedoms", **free))
+    assert app.browser.ask("repair-cords", cords=[name]).cords == [name]
+    assert written(app)[other].free == {"path"}
+
+
+def test_a_cord_that_was_moved_meanwhile_is_not_smoothed(app, monkeypatch):
+    name = next(iter(cords(app)))
+    drag(app, name, 1, [9.0, 3.0], kind="drag-tangent")
+    meanwhile(monkeypatch, "smooth_cord", lambda: drag(app, name, 3, [0.0, 1.0]))
+    with raises(DeviceError, "changed-meanwhile"):
+        app.browser.ask("smooth-cord", cord=name)
+    assert app.session.project.undo_name == f"move control point 4 of `{name}`"
+
+
+def test_undo_after_smooth_reverts_it_even_if_it_takes_a_while(app, monkeypatch):
+    name = next(iter(cords(app)))
+    drag(app, name, 1, [9.0, 3.0], kind="drag-tangent")
+    app.browser.ask("rename-device", name="other")
+    text, is_undone = app.session.project.text, threading.Event()
+    meanwhile(monkeypatch, "smooth_cord", lambda: is_undone.wait(1.0))
+    lanes = {lane: ThreadPoolExecutor(1) for lane in (SmoothCord.lane, Undo.lane)}
+
+    def undo():
+        app.browser.ask("undo")
+        is_undone.set()
+
+    smoothing = lanes[SmoothCord.lane].submit(app.browser.ask, "smooth-cord", cord=name)
+    undoing = lanes[Undo.lane].submit(undo)
+    smoothing.result()
+    undoing.result()
+    assert app.session.project.text == text
+    assert app.session.project.redo_name == f"smooth `{name}`"
 
 
 def test_tangent_and_plane_are_dragged(app):
