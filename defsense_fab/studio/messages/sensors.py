@@ -61,7 +61,8 @@ class PartsCheck(Record, frozen=True, kw_only=True):
     """Whether the drawn cords can be made, and what they sense in their parts.
 
     Attributes:
-        state: Whether that is not known, being checked, or known.
+        state: Whether that is not known, being checked, or known; "aborted" after an error of the
+            check, which starts again after the next change.
         problem: Why they cannot be made.
         error: Expected error with the grooves of the parts, mm; None if it is not known.
         in_use: Error in use, mm: its median, and the limits of 90 % of built devices; empty if it
@@ -69,7 +70,7 @@ class PartsCheck(Record, frozen=True, kw_only=True):
         parts: Number of parts.
     """
 
-    state: Literal["none", "checking", "passed", "failed"] = "none"
+    state: Literal["none", "checking", "aborted", "passed", "failed"] = "none"
     problem: Violation | None = None
     error: float | None = None
     in_use: list[float] = field(default_factory=list)

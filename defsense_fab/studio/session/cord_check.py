@@ -7,6 +7,7 @@ import os
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -19,7 +20,7 @@ from ..background.background_job import CANCELLED, BackgroundJob, JobReporter
 from ..background.latest_worker import LatestWorker
 from .device_session import DeviceSession
 
-CheckState = Literal["none", "checking", "done"]
+CheckState = Literal["none", "checking", "done", "aborted"]
 Cords = tuple[Sensor, ...]
 
 _PAUSE_S = 0.5  # without another change, after which a check starts
@@ -35,7 +36,7 @@ class CordCheck:
         session: The device.
 
     Attributes:
-        on_result: Called when a check starts or has a result, on the thread of either.
+        on_result: Called when a check has a result or ends with an error, on the check's thread.
     """
 
     def __init__(self, session: DeviceSession) -> None:
@@ -43,13 +44,16 @@ class CordCheck:
         self.on_result: list[Callable[[], None]] = []
         self._lock = threading.Lock()
         self._known: dict[str, CordTrial] = {}
-        self._wanted = self._running = ""  # keys of the cords
-        self._job = BackgroundJob("check of the cords", _ignore, self._end, self._keep)
+        self._wanted = self._aborted = ""  # keys of the cords
+        self._job = self._new_job("")
         self._worker = LatestWorker(self._start, session.show_error, delay_s=_PAUSE_S)
 
     def request(self, sensors: Cords) -> None:
         """Check these cords next, unless that is known; a check of others is canceled."""
         key = self._key(sensors)
+        if not key:
+            self.stop()
+            return
         with self._lock:
             if key == self._wanted:
                 return
@@ -66,12 +70,19 @@ class CordCheck:
         self._job.cancel()
 
     def state(self, sensors: Cords) -> CheckState:
-        """Return whether it is known if these cords can be made."""
+        """Return whether it is known if these cords can be made.
+
+        A check that ended with an error is aborted until these cords are requested again.
+        """
         key = self._key(sensors)
         with self._lock:
+            if not key:
+                return "none"
             if key in self._known:
                 return "done"
-            return "checking" if key and key == self._wanted else "none"
+            if key == self._wanted:
+                return "checking"
+            return "aborted" if key == self._aborted else "none"
 
     def result(self, sensors: Cords) -> CordTrial | None:
         """Return the result for these cords; None if it is not known."""
@@ -107,31 +118,44 @@ class CordCheck:
         with self._lock:
             if key != self._wanted:
                 return
-            self._running = key
-        try:
-            if not self._job.start(run_check, device, sensors):
-                self._worker.give(item)
-        except DefsenseError:
-            self._give_up()
-            raise
+            self._job.cancel()
+            self._job = self._new_job(key)
+            error: DefsenseError | None = None
+            try:
+                self._job.start(run_check, device, sensors)
+            except DefsenseError as cause:
+                error = cause
+        if error is not None:
+            self._end(key, error, None)
 
-    def _keep(self, trial: CordTrial) -> None:
-        self._remember(self._running, trial)
+    def _new_job(self, key: str) -> BackgroundJob:
+        """Return the job of a check, whose results are those of the cords with this key."""
+        return BackgroundJob(
+            "check of the cords", _ignore, partial(self._end, key), partial(self._keep, key)
+        )
+
+    def _keep(self, key: str, trial: CordTrial) -> None:
+        self._remember(key, trial)
         self._call()
 
-    def _end(self, error: DefsenseError | None, trial: CordTrial | None) -> None:
+    def _end(self, key: str, error: DefsenseError | None, trial: CordTrial | None) -> None:
         if trial is not None:
-            self._keep(trial)
+            self._keep(key, trial)
         elif error is not None and error.code != CANCELLED:
-            self._give_up()  # a build replaces the poses; the cords are checked after that
-
-    def _give_up(self) -> None:
-        with self._lock:
-            if self._wanted == self._running:
-                self._wanted = ""
-        self._call()
+            # A build replaces the poses; the cords are checked after that.
+            jobs = self._session.jobs
+            is_building = jobs.is_running and jobs.job.name == "build"
+            with self._lock:
+                if self._wanted == key:
+                    self._wanted = ""
+                self._aborted = "" if is_building else key
+            if not is_building:
+                self._session.show_error(error)
+            self._call()
 
     def _remember(self, key: str, trial: CordTrial) -> None:
+        if not key:  # nobody knows what these cords were made of
+            return
         with self._lock:
             self._known.pop(key, None)
             self._known[key] = trial

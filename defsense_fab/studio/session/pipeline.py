@@ -17,11 +17,13 @@ class LimitState:
         broken_cord: Name of the first cord that does; empty if that is not known.
         is_being_checked: Whether they keep the limits of their paths, and it is being checked
             whether they can be made.
+        is_check_aborted: Whether that check has ended with an error.
     """
 
     is_broken: bool = False
     broken_cord: str = ""
     is_being_checked: bool = False
+    is_check_aborted: bool = False
 
 
 @dataclass(frozen=True)
@@ -160,6 +162,8 @@ def _sensors(p: Progress) -> tuple[StepState, str]:
     count = f"1 {p.noun}" if p.cords == 1 else f"{p.cords} {p.noun}s"
     if p.limits.is_being_checked:
         return "ready", f"{count}: checking whether the parts can be made"
+    if p.limits.is_check_aborted:
+        return "ready", f"{count}: it is not known whether the parts can be made"
     return "done", f"{count} within all limits"
 
 

@@ -83,7 +83,7 @@ def describe_check(
         built: The cords of the last build, if they are the same; else None.
     """
     if trial is None:
-        return messages.PartsCheck(state="checking" if state == "checking" else "none")
+        return messages.PartsCheck(state="none" if state == "done" else state)
     if trial.problem is not None:
         problem = trial.problem
         violation = messages.Violation(

@@ -61,7 +61,7 @@ class SensorsStep(Step):
         self._cord_check, self._on_limits = check, on_limits
         check.on_result.append(self._publish_again)
         self._last: tuple[Cords, dict[str, Any]] | None = None
-        self._publishing = threading.Lock()
+        self._publishing = threading.RLock()
         self.prediction: messages.Prediction | None = None
         self._worker = LatestWorker[Cords](self._judge_drawn, session.show_error)
         self._snapper: tuple[object, Snapper] | None = None
@@ -349,16 +349,16 @@ class SensorsStep(Step):
             self._publish(sensors, drawn=full, drawn_problem=problem)
 
     def _publish(self, sensors: Cords, **values: Any) -> None:
-        built = built_cords(self.session.results)
-        is_built = built is not None and are_same(built.sensors, sensors)
-        drawn: messages.Judgement | None = values["drawn"]
-        is_kept = drawn is not None and not drawn.violations and bool(sensors)
-        check = messages.PartsCheck()
-        if is_kept and values.get("is_ready", True):
-            state, trial = self._cord_check.state(sensors), self._cord_check.result(sensors)
-            check = describe_check(state, trial, built if is_built else None)
         with self._publishing:
             self._last = sensors, values
+            built = built_cords(self.session.results)
+            is_built = built is not None and are_same(built.sensors, sensors)
+            drawn: messages.Judgement | None = values["drawn"]
+            is_kept = drawn is not None and not drawn.violations and bool(sensors)
+            check = messages.PartsCheck()
+            if is_kept and values.get("is_ready", True):
+                state, trial = self._cord_check.state(sensors), self._cord_check.result(sensors)
+                check = describe_check(state, trial, built if is_built else None)
             defaults = {"is_ready": True, "text": "", "is_computing": False}
             self.prediction = messages.Prediction(
                 check=check,
@@ -367,17 +367,26 @@ class SensorsStep(Step):
                 **{**defaults, **values},
             )
             self.session.server.publish(self.prediction)
+            self._report_limits(drawn, check)
+
+    def _report_limits(self, drawn: messages.Judgement | None, check: messages.PartsCheck) -> None:
         violations = list(drawn.violations) if drawn is not None else []
         violations += [check.problem] if check.problem is not None else []
         cords = [name for violation in violations for name in violation.cords]
-        self._on_limits(LimitState(bool(violations), "".join(cords[:1]), check.state == "checking"))
+        self._on_limits(
+            LimitState(
+                is_broken=bool(violations),
+                broken_cord="".join(cords[:1]),
+                is_being_checked=check.state == "checking",
+                is_check_aborted=check.state == "aborted",
+            )
+        )
 
     def _publish_again(self) -> None:
         """Publish the last judgement with the present result of the check."""
         with self._publishing:
-            last = self._last
-        if last is not None:
-            self._publish(last[0], **last[1])
+            if self._last is not None:
+                self._publish(self._last[0], **self._last[1])
 
 
 def with_point(sensor: Sensor, index: int, point: Any) -> Sensor:

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from defsense_fab.core.curve import Hermite
 from defsense_fab.core.errors import LayoutError
+from defsense_fab.studio.background.background_job import BackgroundJob
 from defsense_fab.studio.background.build_job import CandidateLayout
 from defsense_fab.studio.edits import cords as edits
 from defsense_fab.studio.messages import optimize
 from defsense_fab.studio.messages.sensors import Prediction
-from defsense_fab.studio.messages.shell import Pipeline
+from defsense_fab.studio.messages.shell import Notice, Pipeline
+from defsense_fab.studio.session import cord_check
 from defsense_fab.studio.session.cord_check import CordCheck
+from defsense_fab.studio.steps import sensors as sensors_module
 from defsense_fab.studio.steps.makeable_proposal import makeable_proposal
 from defsense_fab.studio.steps.optimize.layout_rows import best_layout
 from defsense_fab.workflow.design.compare_layouts import ComparedLayout
@@ -33,6 +40,14 @@ def checked(app):
     assert sensors_step(app).wait(LONG_S)
     assert app.check.wait(LONG_S)
     return app.server.events[Prediction]
+
+
+def until(is_true, timeout_s):
+    """Wait until something is true; return False after `timeout_s`."""
+    deadline = time.monotonic() + timeout_s
+    while not (found := is_true()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return found
 
 
 def states(app):
@@ -79,6 +94,101 @@ def test_cords_that_cannot_be_made_are_shown_with_their_place(app):
         app.browser.ask("propose")
     app.browser.ask("undo")  # known again at once, without another check
     assert checked(app).check.state == "passed"
+
+
+def moved_point(sensors, distance):
+    """Return cords of which the first one has another path that keeps the limits."""
+    curve = sensors[0].curve
+    points = curve.points.copy()
+    points[3, 1] += distance
+    return (replace(sensors[0], curve=Hermite(points, curve.tangents)), *sensors[1:])
+
+
+def drag(app, distance):
+    cord = app.session.device.sensors[0]
+    to = cord.curve.points[3] + [0.0, distance]
+    values = {"cord": cord.name, "index": 3, "to": to.tolist(), "snap": False, "write": True}
+    app.browser.ask("drag-point", **values)
+
+
+def test_a_result_is_that_of_the_cords_that_were_checked(app, monkeypatch):
+    checked(app)
+    first, second = (moved_point(app.session.device.sensors, d) for d in (0.6, 1.2))
+    start, others = BackgroundJob.start, [second]
+
+    def start_late(job, *arguments):
+        if others:  # other cords are drawn just before the check starts
+            other = threading.Thread(target=app.check.request, args=(others.pop(),))
+            other.start()
+            other.join(1.0)
+        return start(job, *arguments)
+
+    monkeypatch.setattr(BackgroundJob, "start", start_late)
+    app.check.request(first)
+    assert until(lambda: app.check.result(second) is not None, LONG_S)
+    np.testing.assert_array_equal(
+        app.check.result(second).sensors[0].curve.points, second[0].curve.points
+    )
+    assert app.check.wait(LONG_S)
+
+
+def test_nothing_is_checked_or_known_while_a_build_replaces_the_poses(app, monkeypatch):
+    checked(app)
+
+    def missing(_):
+        raise FileNotFoundError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(cord_check, "poses_digest", missing)
+        drag(app, 0.6)
+        assert checked(app).check.state == "none"
+        drawn = app.session.device.sensors
+        app.check.make_now(drawn)
+        for sensors in (drawn, drawn[:1]):
+            assert app.check.result(sensors) is None
+            assert app.check.state(sensors) == "none"
+    drag(app, -0.1)
+    assert checked(app).check.state == "passed"
+
+
+def run_out_of_memory(*_):
+    raise MemoryError("no memory")
+
+
+def test_a_check_that_fails_is_reported_and_repeated_after_the_next_change(app, monkeypatch):
+    checked(app)
+    with monkeypatch.context() as patch:
+        patch.setattr(cord_check, "run_check", run_out_of_memory)
+        drag(app, 0.6)
+        assert checked(app).check.state == "aborted"
+    assert app.server.events[Notice].problem.code == "job-failed"
+    assert states(app)["sensors"] == "ready"
+    drag(app, -0.1)
+    assert checked(app).check.state == "passed"
+    assert states(app)["sensors"] == "done"
+
+
+def test_a_late_result_does_not_bring_earlier_cords_back(app, monkeypatch):
+    checked(app)
+    find, is_inside, may_continue = sensors_module.built_cords, threading.Event(), threading.Event()
+
+    def find_slowly(results):
+        if threading.current_thread() is late:
+            is_inside.set()
+            assert may_continue.wait(LONG_S)
+        return find(results)
+
+    late = threading.Thread(target=lambda: [callback() for callback in app.check.on_result])
+    monkeypatch.setattr(sensors_module, "built_cords", find_slowly)
+    late.start()
+    assert is_inside.wait(LONG_S)
+    app.browser.ask("delete-cords", cords=["middle"])
+    sensors_step(app).wait(1.0)
+    may_continue.set()
+    late.join(LONG_S)
+    assert sensors_step(app).wait(LONG_S)
+    left = [cord.name for cord in app.server.events[Prediction].drawn.cords]
+    assert left == [sensor.name for sensor in app.session.device.sensors]
 
 
 class OneProposal(LayoutJudge):

@@ -2789,7 +2789,8 @@ export interface Violation {
  * Whether the drawn cords can be made, and what they sense in their parts.
  *
  *     Attributes:
- *         state: Whether that is not known, being checked, or known.
+ *         state: Whether that is not known, being checked, or known; "aborted" after an error of the
+ *             check, which starts again after the next change.
  *         problem: Why they cannot be made.
  *         error: Expected error with the grooves of the parts, mm; None if it is not known.
  *         in_use: Error in use, mm: its median, and the limits of 90 % of built devices; empty if it
@@ -2797,7 +2798,7 @@ export interface Violation {
  *         parts: Number of parts.
  */
 export interface PartsCheck {
-  state: "checking" | "failed" | "none" | "passed";
+  state: "aborted" | "checking" | "failed" | "none" | "passed";
   problem: Violation | null;
   error: number | null;
   inUse: number[];

@@ -1,6 +1,6 @@
 // The panel below the scene: expected error, drawn and in the parts, by pose, with signals and limits.
 import { useRef } from "preact/hooks";
-import type { Judgement, PoseError } from "../../protocol/messages";
+import type { Judgement, PartsCheck, PoseError } from "../../protocol/messages";
 import { NextButton } from "../../shell/next-button";
 import { ErrorHelp } from "../../shell/error-help";
 import { device, prediction } from "../../state/connection";
@@ -129,6 +129,12 @@ function Limits({ judgement: { cords } }: { judgement: Judgement }) {
   );
 }
 
+/** What is known of the parts by the state of their check. */
+const UNKNOWN_PARTS: Partial<Record<PartsCheck["state"], string>> = {
+  checking: "Checking the parts …",
+  aborted: "The parts could not be checked; the next change checks them again.",
+};
+
 /** That no limit is broken, and whether the parts can be made, as far as that is known. */
 function Kept() {
   const { isReady, check } = prediction.value!;
@@ -141,7 +147,7 @@ function Kept() {
       </p>
     );
   }
-  const then = check.state === "checking" ? "Checking the parts …" : "The parts are not checked yet.";
+  const then = UNKNOWN_PARTS[check.state] ?? "The parts are not checked yet.";
   return (
     <p class="muted checking" role="status">
       {check.state === "checking" && <span class="spinner" aria-hidden="true" />}
