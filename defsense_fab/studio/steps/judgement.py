@@ -20,7 +20,8 @@ from ..session.cord_states import rounded
 _STRAIGHT_RADIUS_MM = 1000.0  # a cord with a larger radius is shown as straight
 _MAX_INLET_MM = 1e3  # an inlet that does not leave the body is infinite
 _MAX_SHOWN_PLACES = 400  # where limits are broken
-_SAME_ERROR_MM = 0.005  # by which rounding in `device.toml` may change an error
+#: By which rounding in `device.toml` may change an error, mm.
+SAME_ERROR_MM = 0.005
 
 
 def judge(
@@ -116,7 +117,7 @@ def trial_numbers(trial: CordTrial, built: BuiltCords | None) -> TrialNumbers:
     The file rounds paths, so that both may differ in the last shown digit; the page shows one.
     """
     drawn = float("nan") if trial.error is None else trial.error
-    if built is not None and abs(built.error - drawn) < _SAME_ERROR_MM:
+    if built is not None and abs(built.error - drawn) < SAME_ERROR_MM:
         return TrialNumbers(built.error, built.in_use)
     if trial.band is None:
         return TrialNumbers(trial.error, ())

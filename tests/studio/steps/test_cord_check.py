@@ -96,6 +96,26 @@ def test_cords_that_cannot_be_made_are_shown_with_their_place(app):
     assert checked(app).check.state == "passed"
 
 
+@pytest.mark.slow
+def test_built_cords_have_one_error_after_a_setting_has_changed(made_app):
+    app = made_app
+    before = checked(app).check.error
+    file = app.session.project.folder / "device.toml"
+    text = file.read_text(encoding="utf-8")
+    setting = "[fabrication]\nstrain_relief = false\n"
+    file.write_text(text.replace("[fabrication]\n", setting), encoding="utf-8")
+    app.session.project.refresh()
+    assert app.session.wait(LONG_S)
+    found = checked(app)
+    assert found.is_built_drawn
+    assert abs(found.check.error - before) > 0.01
+    step = optimize_step(app)
+    (drawn,) = (row for row in app.server.events[optimize.Layouts].rows if row.is_drawn)
+    assert (drawn.role, drawn.error) == ("built", found.check.error)
+    assert step.state.drawn == step.state.built == found.check.error
+    assert f"{found.check.error:.2f} mm" in step.state.text
+
+
 def moved_point(sensors, distance):
     """Return cords of which the first one has another path that keeps the limits."""
     curve = sensors[0].curve

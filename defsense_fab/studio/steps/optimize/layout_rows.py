@@ -15,6 +15,7 @@ from ....workflow.design.layout_judge import LayoutJudge
 from ....workflow.fabrication.print_time import print_hours
 from ...edits.edit import free_name
 from ...messages.optimize import LayoutRow, Role
+from ..judgement import SAME_ERROR_MM
 from .comparison_job import by_error
 from .ghost_cords import are_same, ghost_cords
 
@@ -85,11 +86,18 @@ def with_drawn(context: RowContext, layouts: Sequence[ComparedLayout]) -> list[C
     trial = context.trial
     same = next((layout for layout in layouts if are_same(layout.sensors, sensors)), None)
     if same is not None:
-        if trial is None or same.is_built:
+        if trial is None or (same.is_built and _is_confirmed(same, trial)):
             return list(layouts)
-        tried = replace(tried_as(same.name, trial), is_studied=same.is_studied)
+        tried = replace(
+            tried_as(same.name, trial), is_built=same.is_built, is_studied=same.is_studied
+        )
         return [tried if layout is same else layout for layout in layouts]
     return [_judged(context) if trial is None else tried_as(DRAWN, trial), *layouts]
+
+
+def _is_confirmed(built: ComparedLayout, trial: CordTrial) -> bool:
+    """Return whether cords still have the error of their build, as Sensors shows it, too."""
+    return trial.error is not None and abs(built.error - trial.error) < SAME_ERROR_MM
 
 
 def _judged(context: RowContext) -> ComparedLayout:

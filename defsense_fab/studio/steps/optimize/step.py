@@ -228,6 +228,10 @@ class OptimizeStep(Step):
         is_drawn = built is not None and are_same(built.sensors, device.sensors)
         is_searching, row = search.state == "running", self._drawn_row
         drawn = row.error if row is not None else None
+        is_in_parts = not is_searching and row is not None and row.parts is not None
+        built_error = None if built is None else built.error
+        if is_drawn and is_in_parts:  # settings that change it may have changed since
+            built_error = drawn
         self.state = optimize_state(
             Facts(
                 noun=device.cord.noun,
@@ -238,8 +242,8 @@ class OptimizeStep(Step):
                 is_searching=is_searching,
                 best=search.best,
                 drawn=search.drawn if is_searching else drawn,
-                is_drawn_in_parts=not is_searching and row is not None and row.parts is not None,
-                built=None if built is None else built.error,
+                is_drawn_in_parts=is_in_parts,
+                built=built_error,
                 is_built_drawn=is_drawn,
                 is_built_moved=built is not None and built.is_moved,
                 is_current=session.freshness.get("optimize") == "current",
