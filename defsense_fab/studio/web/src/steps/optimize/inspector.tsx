@@ -1,11 +1,13 @@
 // What is true of the cords, the search or the chosen layout, and the error map.
 import type { ComponentChildren } from "preact";
-import type { OptimizeState } from "../../protocol/messages";
+import { findCommand, isAvailable, reasonAgainst, runAnywhere } from "../../commands";
+import type { LayoutRow, OptimizeState } from "../../protocol/messages";
 import { ErrorHelp } from "../../shell/error-help";
 import { startBuild } from "../../state/building";
 import { inPageWords } from "../../state/page-words";
+import { describeWorst, sensingOf, worstPose } from "../../state/pose-errors";
 import { run } from "../../state/run";
-import { connection, device, isJobActive } from "../../state/connection";
+import { connection, device, isJobActive, prediction } from "../../state/connection";
 import { Button } from "../../ui/button";
 import { Icon } from "../../ui/icons";
 import { Section } from "../../ui/section";
@@ -18,6 +20,7 @@ import {
   chosen,
   differs,
   isSearching,
+  isTakingBest,
   rows,
   search,
   standing,
@@ -63,7 +66,31 @@ function Standing() {
       </p>
       {isSearching.value ? <SearchNumbers /> : <Numbers state={state} />}
       {state.standing === "optimized" && <MoreAccurate />}
+      {!isSearching.value && <HardlySensed />}
       <Actions />
+    </div>
+  );
+}
+
+/** The pose that the drawn cords hardly sense, and what may help. */
+function HardlySensed() {
+  const worst = worstPose(prediction.value?.drawn?.poses ?? []);
+  const propose = findCommand("sensor.propose");
+  if (!worst || !propose || sensingOf(worst) === "sensed") return null;
+  const noun = device.value?.noun ?? "cord";
+  return (
+    <div class="hardly-sensed">
+      <p>
+        <span class="problem-text">{describeWorst(worst)}.</span> Another {noun} may help.
+      </p>
+      <Button
+        icon="idea"
+        disabled={!isAvailable(propose)}
+        hint={isAvailable(propose) ? `Search in Sensors for the ${noun} that lowers the error most, and add it` : reasonAgainst(propose)}
+        onClick={() => runAnywhere(propose)}
+      >
+        Propose another {noun}
+      </Button>
     </div>
   );
 }
@@ -71,19 +98,25 @@ function Standing() {
 /** Share of the drawn cords' error by which another layout is worth a word. */
 const WORTH_A_WORD = 0.02;
 
-/** The layout that the search did not take, though it is a little more accurate. */
+/** The layout that the search did not take, though it is a little more accurate in its parts. */
 function MoreAccurate() {
-  const drawn = rows.value.find((row) => row.isDrawn)?.error;
-  if (!drawn) return null;
-  const others = rows.value.filter(({ role, problem }) => role === "candidate" && !problem);
-  const error = Math.min(...others.map((row) => row.error ?? Infinity));
-  if (error > (1 - WORTH_A_WORD) * drawn) return null;
+  const drawn = rows.value.find((row) => row.isDrawn);
+  if (!drawn?.error || drawn.parts === null) return null;
+  const made = rows.value.filter(({ role, problem, parts }) => role === "candidate" && !problem && parts !== null);
+  const other = made.sort((a, b) => (a.error ?? Infinity) - (b.error ?? Infinity))[0];
+  if (!other?.error || other.error > (1 - WORTH_A_WORD) * drawn.error) return null;
   return (
     <p class="muted">
-      {`Another layout has ${error.toFixed(2)} mm. The drawn one is about as accurate and simpler to make; “Use” in the table takes the other.`}
+      {`Another layout has ${other.error.toFixed(2)} mm in the parts, with ${effort(other)}; the drawn one has ${effort(drawn)}. “Use” in the table takes the other.`}
     </p>
   );
 }
+
+function effort({ parts, planes }: LayoutRow): string {
+  return `${counted(parts ?? 0, "part")} and ${counted(planes, "plane")}`;
+}
+
+const counted = (count: number, noun: string): string => `${count} ${noun}${count === 1 ? "" : "s"}`;
 
 function Numbers({ state }: { state: OptimizeState }) {
   const { drawn, isDrawnInParts, built, isBuiltMoved } = state;
@@ -148,6 +181,7 @@ function Actions() {
       <Button
         variant={mainVariant.value}
         disabled={!hasBest}
+        isBusy={isTakingBest.value}
         hint={hasBest ? "Stop optimizing and draw the best cords that can be made" : "No better cords within all limits yet"}
         onClick={() => void applyBest()}
       >
@@ -190,7 +224,11 @@ function Actions() {
         </Button>
       )}
       {hasBest && code !== "optimized" && code !== "locked" && !isOffered && (
-        <Button hint="Draw the best cords of the search that ended early and can be made" onClick={() => void applyBest()}>
+        <Button
+          isBusy={isTakingBest.value}
+          hint="Draw the best cords of the search that ended early and can be made"
+          onClick={() => void applyBest()}
+        >
           Use the best found
         </Button>
       )}

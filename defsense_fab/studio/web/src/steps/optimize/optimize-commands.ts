@@ -8,6 +8,7 @@ import {
   chosen,
   compareLayouts,
   differs,
+  isTakingBest,
   layouts,
   search,
   standing,
@@ -30,8 +31,8 @@ export const optimizeCommands = (): readonly Command[] => [
     label: "Use the best so far",
     hint: "End the search and draw its best cords that can be made",
     group: "Optimize",
-    when: () => search.value?.state !== "none" && Boolean(search.value?.best),
-    reason: "No search has found cords within all limits",
+    when: () => !isTakingBest.value && search.value?.state !== "none" && Boolean(search.value?.best),
+    reason: () => (isTakingBest.value ? "They are being made on trial" : "No search has found cords within all limits"),
     run: () => void applyBest(),
   },
   {

@@ -88,8 +88,14 @@ export async function applyLayout(name: string): Promise<void> {
   await run(connection.send("use-layout", { name }));
 }
 
+/** Whether the best cords of the search are made on trial to be used. */
+export const isTakingBest = signal(false);
+
 export async function applyBest(): Promise<void> {
+  if (isTakingBest.peek()) return;
+  isTakingBest.value = true;
   await run(connection.send("use-best", {}));
+  isTakingBest.value = false;
 }
 
 export async function compareLayouts(): Promise<void> {
