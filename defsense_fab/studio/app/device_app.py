@@ -18,6 +18,7 @@ from ..steps.make.step import MakeStep
 from ..steps.measure.measure_step import MeasureStep
 from ..steps.optimize.step import OptimizeStep
 from ..steps.poses.poses_step import PosesStep
+from ..steps.propose import ProposeStep
 from ..steps.sensors import SensorsStep
 from ..steps.shell import ShellStep
 
@@ -48,6 +49,7 @@ class DeviceApp:
             BodyFitStep(self.session, shell.show_misfit),
             PosesStep(self.session),
             SensorsStep(self.session, check, shell.show_limits),
+            ProposeStep(self.session, check),
             InsideStep(self.session),
             OptimizeStep(self.session, check, shell.show_optimized),
             MakeStep(self.session),

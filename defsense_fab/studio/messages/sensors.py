@@ -107,8 +107,9 @@ class Prediction(Event, frozen=True, kw_only=True):
         drawn: Judgement of the drawn cords; None if not ready.
         drawn_problem: Why it is missing.
         check: Whether they can be made.
-        built: Error of the cords of the last build, mm; None without a build.
-        is_built_drawn: Whether the built cords are the drawn ones.
+        built: Error of the cords of the last build or search, mm; None without one.
+        is_built_drawn: Whether those cords are the drawn ones.
+        has_built_parts: Whether their parts were built, and not only their paths optimized.
     """
 
     is_ready: bool
@@ -119,6 +120,7 @@ class Prediction(Event, frozen=True, kw_only=True):
     check: PartsCheck = field(default_factory=PartsCheck)
     built: float | None = None
     is_built_drawn: bool = False
+    has_built_parts: bool = False
 
 
 class DragResult(Result, frozen=True, kw_only=True):
@@ -285,11 +287,29 @@ class AddStraight(Request, frozen=True, kw_only=True):
     result: ClassVar[type | None] = CordResult
 
 
+class ProposalResult(Result, frozen=True, kw_only=True):
+    """The cord that was found and added.
+
+    Attributes:
+        name: Its name.
+        error: Expected error with it, in the parts, mm.
+        error_before: Expected error without it, in the parts, mm; None if it is the first cord.
+    """
+
+    name: str
+    error: float | None
+    error_before: float | None
+
+
 class Propose(Request, frozen=True, kw_only=True):
     """Search for the cord that lowers the error most, and add it."""
 
-    result: ClassVar[type | None] = CordResult
+    result: ClassVar[type | None] = ProposalResult
     lane: ClassVar[str] = "search"
+
+
+class CancelProposal(Request, frozen=True, kw_only=True):
+    """End the search for another cord that this browser has started."""
 
 
 class ProposalProgress(Event, frozen=True, kw_only=True):

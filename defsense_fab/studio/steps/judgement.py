@@ -16,12 +16,28 @@ from ..messages import sensors as messages
 from ..session.built_cords import BuiltCords
 from ..session.cord_check import CheckState
 from ..session.cord_states import rounded
+from ..session.device_session import DeviceSession
 
 _STRAIGHT_RADIUS_MM = 1000.0  # a cord with a larger radius is shown as straight
 _MAX_INLET_MM = 1e3  # an inlet that does not leave the body is infinite
 _MAX_SHOWN_PLACES = 400  # where limits are broken
 #: By which rounding in `device.toml` may change an error, mm.
 SAME_ERROR_MM = 0.005
+
+
+def simulated_judge(session: DeviceSession) -> LayoutJudge:
+    """Return what predicts the error of cords.
+
+    Raises:
+        LayoutError: The poses are not simulated.
+    """
+    if session.judge is None:
+        raise LayoutError(
+            "the poses are not simulated yet",
+            code="not-simulated",
+            action="Simulate the poses first",
+        )
+    return session.judge
 
 
 def judge(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from ...core.device.device import Sensor
 from ...core.errors import LayoutError
 from ...core.progress import Report
@@ -9,9 +11,24 @@ from ...workflow.design.layout_judge import LayoutJudge
 from ..session.cord_check import CordCheck, Cords
 
 
+@dataclass(frozen=True)
+class Proposal:
+    """A cord that can be made together with the drawn ones.
+
+    Attributes:
+        cord: The cord.
+        error: Expected error with it, in the parts, mm.
+        error_before: Expected error without it, in the parts, mm; None if no cords are drawn.
+    """
+
+    cord: Sensor
+    error: float | None
+    error_before: float | None
+
+
 def makeable_proposal(
     judge: LayoutJudge, check: CordCheck, sensors: Cords, name: str, report: Report
-) -> Sensor:
+) -> Proposal:
     """Return the first proposed cord that can be made together with the drawn ones.
 
     Args:
@@ -25,7 +42,8 @@ def makeable_proposal(
         LayoutError: The drawn cords cannot be made, no proposed cord can be made with them, or the
             body has no room for another cord.
     """
-    if sensors and (problem := check.make_now(sensors).problem) is not None:
+    drawn = check.make_now(sensors) if sensors else None
+    if drawn is not None and (problem := drawn.problem) is not None:
         raise LayoutError(
             f"the drawn cords cannot be made: {problem.text.rstrip('.')}",
             code="cords-not-makeable",
@@ -34,10 +52,10 @@ def makeable_proposal(
         )
     problems = []
     for cord in judge.proposals(name, sensors, report):
-        problem = check.make_now((*sensors, cord)).problem
-        if problem is None:
-            return cord
-        problems.append(problem.text)
+        trial = check.make_now((*sensors, cord))
+        if trial.problem is None:
+            return Proposal(cord, trial.error, None if drawn is None else drawn.error)
+        problems.append(trial.problem.text)
     raise LayoutError(
         f"none of {len(problems)} proposed cords can be made with the drawn ones: {problems[0]}",
         code="no-makeable-proposal",

@@ -12,9 +12,9 @@ import numpy as np
 from ...core.curve import Hermite, catmull_rom
 from ...core.device.device import Sensor
 from ...core.errors import DefsenseError, DeviceError, LayoutError
+from ...workflow.build.results import has_parts
 from ...workflow.design.body_fit import check_cords
 from ...workflow.design.draw_cord import Snapper, fit_stroke, plane_section
-from ...workflow.design.layout_judge import LayoutJudge
 from ...workflow.design.repair_cords import repair_cords, smooth_cord
 from ...workflow.view import Client, Request
 from ..background.latest_worker import LatestWorker
@@ -28,15 +28,13 @@ from ..session.cord_states import is_smooth, path_points, plane_of, rounded
 from ..session.device_session import DeviceSession
 from ..session.pipeline import LimitState
 from ..session.step import Handler, Step
-from .judgement import describe_check, describe_layout, judge
-from .makeable_proposal import makeable_proposal
+from .judgement import describe_check, describe_layout, judge, simulated_judge
 from .optimize.ghost_cords import are_same
 
 _NOT_SIMULATED = "Simulate the poses to see the expected error"
 _OTHER_BODY = "The body has changed: simulate the poses again to see the expected error"
 _SNAP_DISTANCE = 0.01  # times the body's size
 _SHIFT = 0.04  # of a copy from its original, times the body's size
-_JOB_END_S = 30.0  # in which the results of a job that has ended are read
 _SNAP_TEXTS = {"surface": "surface", "middle": "middle of the body"}
 
 Cords = tuple[Sensor, ...]
@@ -86,7 +84,6 @@ class SensorsStep(Step):
             messages.DuplicateCord: self._duplicate,
             messages.MirrorCord: self._mirror,
             messages.AddStraight: self._add_straight,
-            messages.Propose: self._propose,
             messages.OutlineOf: self._outline,
             messages.AddStroke: self._add_stroke,
             messages.CompareCords: self._compare,
@@ -217,28 +214,7 @@ class SensorsStep(Step):
         return messages.CordResult(name=name)
 
     def _add_straight(self, _: Client, __: messages.AddStraight) -> messages.CordResult:
-        return self._add(self._judge().new_cord(self._free_name("cord")))
-
-    def _propose(self, client: Client, _: messages.Propose) -> messages.CordResult:
-        judge_, sensors = self._judge(), self.session.device.sensors
-        jobs = self.session.jobs
-
-        def report(share: float, _: str) -> None:
-            if not client.is_open:
-                raise LayoutError("the page was closed", code="cancelled")
-            client.send(messages.ProposalProgress(share=share))
-
-        if jobs.job.state == "idle":
-            jobs.wait(_JOB_END_S)  # the simulation that this waited for
-        jobs.check_idle()
-        try:
-            cord = makeable_proposal(
-                judge_, self._cord_check, sensors, self._free_name("cord"), report
-            )
-        finally:
-            client.send(messages.ProposalProgress(share=None))
-        # The name may have been taken meanwhile.
-        return self._add(replace(cord, name=self._free_name("cord")))
+        return self._add(simulated_judge(self.session).new_cord(self._free_name("cord")))
 
     def _outline(self, _: Client, request: messages.OutlineOf) -> messages.PlaneOutline:
         plane, vertices = plane_of(request.origin, request.axes), self._vertices()
@@ -274,7 +250,7 @@ class SensorsStep(Step):
         return messages.CordResult(name=sensor.name)
 
     def _compare(self, _: Client, request: messages.CompareCords) -> messages.Comparison:
-        judge_, sensors = self._judge(), self.session.device.sensors
+        judge_, sensors = simulated_judge(self.session), self.session.device.sensors
         names = self._cord(request.first).name, self._cord(request.second).name
         judged = judge_.judge(sensors, quick=True)
         assert judged is not None  # there are two cords
@@ -302,15 +278,6 @@ class SensorsStep(Step):
         raise DeviceError(
             f"there is no cord {name!r} any more", code="not-in-device", table="sensor", name=name
         )
-
-    def _judge(self) -> LayoutJudge:
-        if self.session.judge is None:
-            raise LayoutError(
-                "the poses are not simulated yet",
-                code="not-simulated",
-                action="Simulate the poses first",
-            )
-        return self.session.judge
 
     def _vertices(self) -> Any:
         if self.session.newest_surface is None:
@@ -364,6 +331,7 @@ class SensorsStep(Step):
                 check=check,
                 built=None if built is None else built.error,
                 is_built_drawn=is_built,
+                has_built_parts=has_parts(self.session.results),
                 **{**defaults, **values},
             )
             self.session.server.publish(self.prediction)

@@ -236,6 +236,24 @@ def test_a_cord_that_cannot_be_made_is_labeled_at_its_place(open_sensors, studio
     broken = panel.get_by_role("list", name="Broken limits")
     expect(broken.get_by_role("button")).to_have_count(1)
     expect(step_button(page, "Sensors")).to_have_accessible_name(re.compile("out of date"))
+    page.get_by_role("button", name="Fix the limits").click()
+    expect(panel.get_by_role("button", pressed=True)).to_have_count(1)
+
+
+def test_a_search_for_another_cord_is_a_job_that_can_be_canceled(open_sensors, folder):
+    page = open_sensors(size={"width": 1280, "height": 800})
+    enter(page, "Optimize")
+    panel, text = inspector(page, "Optimize"), (folder / DEVICE).read_text(encoding="utf-8")
+    expect(panel.get_by_text(re.compile("^(Hardly|Not) sensed"))).to_be_visible()
+    panel.get_by_role("button", name="Propose another cord").click()
+    strip = page.get_by_role("contentinfo", name="Job")
+    expect(strip.get_by_role("progressbar", name="Search for another cord")).to_be_visible()
+    strip.get_by_role("button", name="Cancel").click()
+    messages = page.get_by_role("region", name="Messages")
+    expect(messages.get_by_text("Search canceled")).to_be_visible()
+    assert (folder / DEVICE).read_text(encoding="utf-8") == text
+    inspector(page, "Sensors").get_by_role("button", name="Propose").click()
+    expect(messages.get_by_text(re.compile(r"Added .*: [\d.]+ → [\d.]+ mm"))).to_be_visible()
 
 
 def test_what_lies_outside_a_changed_body_is_marked_and_fitted(open_page, studio, folder):

@@ -228,7 +228,9 @@ def test_the_next_proposal_is_taken_if_one_cannot_be_made(app):
     proposed = makeable_proposal(
         OneProposal(unmakeable_cord(), good), check, (left,), "new", lambda *_: None
     )
-    assert proposed.plane == good.plane
+    assert proposed.cord.plane == good.plane
+    assert proposed.error_before == check.make_now((left,)).error
+    assert proposed.error == check.make_now((left, proposed.cord)).error
     with raises(LayoutError, "no-makeable-proposal") as error:
         makeable_proposal(OneProposal(unmakeable_cord()), check, (left,), "new", lambda *_: None)
     assert len(error.value.data["problems"]) == 1

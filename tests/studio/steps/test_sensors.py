@@ -6,8 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from defsense_fab.core.errors import DeviceError, LayoutError
-from defsense_fab.studio.messages.sensors import Prediction, SmoothCord
+from defsense_fab.core.errors import DefsenseError, DeviceError, LayoutError
+from defsense_fab.studio.messages.sensors import Prediction, ProposalProgress, SmoothCord
 from defsense_fab.studio.messages.shell import DeviceState, Pipeline, Undo
 from defsense_fab.studio.steps import sensors as sensors_module
 from defsense_fab.workflow.device import load_device
@@ -303,8 +303,26 @@ def test_broken_limit_has_a_place_and_makes_the_step_stale(app):
 @pytest.mark.slow
 def test_proposed_cord_lowers_the_error(app):
     before = prediction(app).drawn.error
-    app.browser.ask("propose")
+    found = app.browser.ask("propose")
     assert prediction(app).drawn.error < before
+    assert found.error < found.error_before
+
+
+def test_a_canceled_proposal_adds_no_cord_and_another_one_can_start(app):
+    names, send = list(cords(app)), app.browser.send
+
+    def cancel_at_the_first_report(event):
+        send(event)
+        if isinstance(event, ProposalProgress) and event.share is not None:
+            app.browser.ask("cancel-proposal")
+
+    app.browser.send = cancel_at_the_first_report
+    for _ in range(2):
+        with raises(DefsenseError, "cancelled"):
+            app.browser.ask("propose")
+        assert app.browser.events[-1] == ProposalProgress(share=None)
+    assert list(written(app)) == names
+    app.browser.ask("cancel-proposal")  # nothing runs
 
 
 def test_two_cords_are_compared(app):
@@ -316,8 +334,14 @@ def test_two_cords_are_compared(app):
     assert -1 <= found.correlation <= 1
 
 
+def test_optimized_cords_without_parts_are_not_called_built(app):
+    assert prediction(app).built > 0
+    assert not prediction(app).has_built_parts
+
+
 def test_built_error_is_told_apart_from_the_drawn_one(made_app):
     found = prediction(made_app)
     assert found.built > 0
+    assert found.has_built_parts
     made_app.browser.ask("add-straight")
     assert not prediction(made_app).is_built_drawn

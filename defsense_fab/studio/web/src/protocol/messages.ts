@@ -17,6 +17,7 @@ export interface Protocol {
     | Answer
     | BendTwin
     | CancelJob
+    | CancelProposal
     | ChooseRow
     | CloseDevice
     | CompareCords
@@ -263,6 +264,13 @@ export interface BendTwin {
  */
 export interface CancelJob {
   kind: "cancel-job";
+  id: number;
+}
+/**
+ * End the search for another cord that this browser has started.
+ */
+export interface CancelProposal {
+  kind: "cancel-proposal";
   id: number;
 }
 /**
@@ -2707,8 +2715,9 @@ export interface PoseWarning {
  *         drawn: Judgement of the drawn cords; None if not ready.
  *         drawn_problem: Why it is missing.
  *         check: Whether they can be made.
- *         built: Error of the cords of the last build, mm; None without a build.
- *         is_built_drawn: Whether the built cords are the drawn ones.
+ *         built: Error of the cords of the last build or search, mm; None without one.
+ *         is_built_drawn: Whether those cords are the drawn ones.
+ *         has_built_parts: Whether their parts were built, and not only their paths optimized.
  */
 export interface Prediction {
   kind: "prediction";
@@ -2720,6 +2729,7 @@ export interface Prediction {
   check: PartsCheck;
   built: number | null;
   isBuiltDrawn: boolean;
+  hasBuiltParts: boolean;
 }
 /**
  * The error expected of cords, and the limits that they break.
@@ -3017,6 +3027,7 @@ export interface Results {
   answer: null;
   "bend-twin": null;
   "cancel-job": null;
+  "cancel-proposal": null;
   "choose-row": null;
   "close-device": null;
   "compare-cords": Comparison;
@@ -3061,7 +3072,7 @@ export interface Results {
   "press-key": null;
   "probe-point": PointNumbers;
   "process-sessions": null;
-  propose: CordResult;
+  propose: ProposalResult;
   "propose-poses": null;
   "record-animation": AnimationResult;
   "record-twin": null;
@@ -3248,6 +3259,19 @@ export interface PointNumbers {
   smallest: number;
   deviation: number;
   drop: number | null;
+}
+/**
+ * The cord that was found and added.
+ *
+ *     Attributes:
+ *         name: Its name.
+ *         error: Expected error with it, in the parts, mm.
+ *         error_before: Expected error without it, in the parts, mm; None if it is the first cord.
+ */
+export interface ProposalResult {
+  name: string;
+  error: number | null;
+  errorBefore: number | null;
 }
 /**
  * What was started or written.

@@ -2,6 +2,7 @@
 import { effect, signal } from "@preact/signals";
 import { connection, job } from "../state/connection";
 import { isPhone } from "../state/layout";
+import { cancelWork, pageWork } from "../state/page-work";
 import { run } from "../state/run";
 import { screen } from "../state/step";
 import { Button, IconButton } from "../ui/button";
@@ -53,13 +54,15 @@ export async function cancelJob(): Promise<void> {
 export function JobStrip() {
   const current = job.value;
   const isActive = current !== null && current.state !== "idle";
-  const isShown = isActive || (isResultShown.value && Boolean(current?.title));
+  const isWorking = !isActive && pageWork.value !== null;
+  const isShown = isActive || isWorking || (isResultShown.value && Boolean(current?.title));
   // The strip keeps its place where there is room, so that nothing moves under the pointer.
   const isKept = screen.value === "device" && !isPhone.value;
   return (
     <footer class="job-strip" aria-label="Job" hidden={!isShown && !isKept}>
       {isActive && <RunningJob />}
-      {!isActive && isShown && <EndedJob />}
+      {isWorking && <RunningWork />}
+      {!isActive && !isWorking && isShown && <EndedJob />}
       {!isShown && <span class="job-message">No job is running</span>}
     </footer>
   );
@@ -88,6 +91,26 @@ function RunningJob() {
       <Button variant="quiet" icon="stop" onClick={() => void cancelJob()}>
         Cancel
       </Button>
+    </>
+  );
+}
+
+/** What this page waits for. */
+function RunningWork() {
+  const { title, cancel, ...work } = pageWork.value!;
+  const [share, isCanceled] = [work.share.value, work.isCanceled.value];
+  return (
+    <>
+      <span class="spinner" aria-hidden="true" />
+      <strong>{title}</strong>
+      <span class="job-message">{isCanceled ? "Canceling" : ""}</span>
+      <ProgressBar label={title} share={share} />
+      {share !== null && <span class="job-percent">{Math.round(share * 100)} %</span>}
+      {cancel && (
+        <Button variant="quiet" icon="stop" isBusy={isCanceled} onClick={cancelWork}>
+          Cancel
+        </Button>
+      )}
     </>
   );
 }

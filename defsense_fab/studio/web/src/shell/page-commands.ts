@@ -3,6 +3,7 @@ import type { Command } from "../commands";
 import { startBuild } from "../state/building";
 import { connection, device, isJobActive, job } from "../state/connection";
 import { isBottomPanelOpen, isLeftPanelOpen } from "../state/layout";
+import { cancelWork, pageWork } from "../state/page-work";
 import { run } from "../state/run";
 import { clearSelection, isHidden, select, selection, toggleHidden } from "../state/selection";
 import { STEPS, STEP_LABELS, enterStep, showAllDevices } from "../state/step";
@@ -142,9 +143,9 @@ export const pageCommands = (): readonly Command[] => [
     id: "cancel",
     label: "Cancel the job",
     group: "Steps",
-    when: () => isJobActive.value,
+    when: () => isJobActive.value || Boolean(pageWork.value?.cancel),
     reason: "No job is running",
-    run: () => void cancelJob(),
+    run: () => (isJobActive.peek() ? void cancelJob() : cancelWork()),
   },
   {
     id: "dismiss",

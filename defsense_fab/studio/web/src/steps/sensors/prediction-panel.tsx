@@ -5,6 +5,7 @@ import { NextButton } from "../../shell/next-button";
 import { ErrorHelp } from "../../shell/error-help";
 import { device, prediction } from "../../state/connection";
 import { inPageWords } from "../../state/page-words";
+import { describeWorst, sensingOf, worstPose } from "../../state/pose-errors";
 import { hovered, isSame, isSelected, select } from "../../state/selection";
 import { Icon } from "../../ui/icons";
 import { tooltip } from "../../ui/tooltip";
@@ -12,8 +13,6 @@ import { ErrorBar, roundUp, SignalBar } from "./bars";
 import { limitTitle, showViolation } from "./limit-labels";
 import { draggedJudgement, judgement, violations } from "./state";
 
-/** Share of its movement from which on a pose's error is marked. */
-const HARDLY_SENSED = 0.2;
 /** Number of cords above which their signals are shown without bars. */
 const MANY_CORDS = 3;
 /** Lines of the scale of errors. */
@@ -52,11 +51,12 @@ function NotReady() {
 }
 
 function Headline() {
-  const { built, isBuiltDrawn, check } = prediction.value!;
+  const { built, isBuiltDrawn, hasBuiltParts, check } = prediction.value!;
   const error = judgement.value?.error ?? null;
   const isDragged = draggedJudgement.value !== null;
   const inParts = isDragged ? null : check.error;
   const [inUse] = isDragged ? [] : check.inUse;
+  const noun = device.value?.noun ?? "cord";
   return (
     <>
       <div class="headline-row">
@@ -76,7 +76,7 @@ function Headline() {
       {(inUse !== undefined || (built !== null && !isBuiltDrawn)) && (
         <p class="muted">
           {inUse !== undefined && `Error in use: ${millimeters(inUse)}. `}
-          {built !== null && !isBuiltDrawn && `Last build, other cords: ${millimeters(built)} in the parts.`}
+          {built !== null && !isBuiltDrawn && `${hasBuiltParts ? "Last build" : "Last optimized"}, other ${noun}s: ${millimeters(built)} in the parts.`}
         </p>
       )}
       <WorstPose />
@@ -86,23 +86,10 @@ function Headline() {
 
 const millimeters = (value: number): string => `${value.toFixed(2)} mm`;
 
-/** The pose whose error is the largest share of its movement. */
 function WorstPose() {
-  const { poses = [] } = judgement.value ?? {};
-  if (poses.length === 0) return null;
-  const worst = poses.reduce((a, b) => (share(b) > share(a) ? b : a));
-  const isHardlySensed = share(worst) > HARDLY_SENSED;
-  if (share(worst) >= 1) return <p class="problem-text">Not sensed at all: {worst.pose}</p>;
-  return (
-    <p class={isHardlySensed ? "problem-text" : "muted"}>
-      {isHardlySensed ? "Hardly sensed" : "Sensed worst"}: {worst.pose}, {millimeters(worst.error)} of{" "}
-      {worst.movement.toFixed(1)} mm movement ({Math.round(100 * share(worst))} %)
-    </p>
-  );
-}
-
-function share({ error, movement }: PoseError): number {
-  return error / Math.max(movement, 1e-6);
+  const worst = worstPose(judgement.value?.poses ?? []);
+  if (!worst) return null;
+  return <p class={sensingOf(worst) === "sensed" ? "muted" : "problem-text"}>{describeWorst(worst)}</p>;
 }
 
 function Limits({ judgement: { cords } }: { judgement: Judgement }) {

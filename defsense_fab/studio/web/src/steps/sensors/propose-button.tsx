@@ -2,14 +2,12 @@
 import { runCommand } from "../../commands";
 import { prediction } from "../../state/connection";
 import { Button } from "../../ui/button";
-import { isProposalWaiting, proposeObstacle } from "./propose";
-import { proposalShare } from "./state";
+import { isProposing, proposeObstacle } from "./propose";
 
 const EFFECT = "Add the cord that lowers the error most";
 
 export function ProposeButton({ variant }: { variant: "plain" | "quiet" }) {
   const isReady = prediction.value?.isReady ?? false;
-  const isBusy = proposalShare.value !== null || isProposalWaiting.value;
   const obstacle = proposeObstacle();
   return (
     <Button
@@ -18,7 +16,7 @@ export function ProposeButton({ variant }: { variant: "plain" | "quiet" }) {
       shortcut="P"
       hint={obstacle || (isReady ? EFFECT : `${EFFECT}. The poses are simulated first`)}
       disabled={obstacle !== ""}
-      isBusy={isBusy}
+      isBusy={isProposing.value}
       onClick={() => runCommand("sensor.propose")}
     >
       Propose

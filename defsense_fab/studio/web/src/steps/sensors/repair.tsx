@@ -3,7 +3,8 @@ import { signal } from "@preact/signals";
 import { Vector3 } from "three";
 import { runCommand } from "../../commands";
 import { viewer } from "../../scene/stage";
-import { connection, device, pipeline, prediction } from "../../state/connection";
+import { connection, device, drawnViolations, pipeline, prediction } from "../../state/connection";
+import { newWork, showWork } from "../../state/page-work";
 import { run } from "../../state/run";
 import { select } from "../../state/selection";
 import { mainVariant } from "../../state/step";
@@ -13,7 +14,7 @@ import { isDrawing, selectedCord } from "./state";
 
 const isRepairing = signal(false);
 
-/** Names of the drawn cords that break a limit. */
+/** Names of the drawn cords that break a limit, which a repair may cure. */
 export function brokenCords(): string[] {
   const names = (prediction.value?.drawn?.violations ?? []).flatMap(({ cords }) => cords);
   return [...new Set(names)];
@@ -22,7 +23,9 @@ export function brokenCords(): string[] {
 /** Move cords until they keep the limits; all of them if none are named. */
 export async function repairCords(cords: string[]): Promise<void> {
   isRepairing.value = true;
-  const result = await run(connection.send("repair-cords", { cords }));
+  const noun = device.peek()?.noun ?? "cord";
+  const title = cords.length === 1 ? `Repair ${cords[0]}` : `Repair the ${noun}s`;
+  const result = await run(showWork(newWork(title), connection.send("repair-cords", { cords })));
   isRepairing.value = false;
   if (!result) return;
   const moved = `${result.cords.join(", ")} moved by up to ${result.largestMove.toFixed(1)} mm.`;
@@ -33,9 +36,9 @@ export async function repairCords(cords: string[]): Promise<void> {
   });
 }
 
-/** Select the cord of the next action, or the first one that breaks a limit, and show where. */
+/** Select the cord of the next action, or the first one that breaks a limit or cannot be made, and show where. */
 export function showBrokenLimit(): void {
-  const violations = prediction.peek()?.drawn?.violations ?? [];
+  const violations = drawnViolations.peek();
   const next = pipeline.peek()?.next.cord ?? "";
   const found = violations.find(({ cords }) => cords.includes(next)) ?? violations[0];
   if (!found) return;

@@ -2,7 +2,7 @@
 import type { Command } from "../../commands";
 import type { CordState } from "../../protocol/messages";
 import { viewer } from "../../scene/stage";
-import { connection, device } from "../../state/connection";
+import { connection, device, drawnViolations } from "../../state/connection";
 import { run } from "../../state/run";
 import { select, selectedNames } from "../../state/selection";
 import { showToast } from "../../state/toasts";
@@ -221,7 +221,7 @@ export const sensorCommands = (): readonly Command[] => [
     id: "sensor.show-limit",
     label: "Show the first broken limit",
     group: "Sensors",
-    when: hasBroken,
+    when: () => drawnViolations.value.length > 0,
     reason: "All limits are kept",
     run: showBrokenLimit,
   },

@@ -3,7 +3,7 @@ import { computed, signal } from "@preact/signals";
 import type { CordState, Judgement, Violation } from "../../protocol/messages";
 import type { DrawingBoard } from "../../scene/drawing-board";
 import type { Frame } from "../../scene/types";
-import { connection, device, drawnViolations, prediction } from "../../state/connection";
+import { device, drawnViolations, prediction } from "../../state/connection";
 import { selectedNames } from "../../state/selection";
 
 /** The plane that is drawn in; null while cords are selected and moved. */
@@ -42,8 +42,3 @@ export const selectedCord = computed<CordState | null>(() => {
   if (names.length !== 1) return null;
   return device.value?.cords.find(({ name }) => name === names[0]) ?? null;
 });
-
-/** Share of the search for another cord that is completed; null while none runs. */
-export const proposalShare = computed(
-  () => connection.event("proposal-progress").value?.share ?? null,
-);

@@ -10,7 +10,6 @@ import { run } from "../../state/run";
 import { select } from "../../state/selection";
 import { Button, IconButton } from "../../ui/button";
 import { SegmentedControl } from "../../ui/choices";
-import { ProgressBar } from "../../ui/feedback";
 import { CordEditor } from "./cord-editor";
 import { HeatMapTools, heatMap } from "./heat-map";
 import { showLimits } from "./limit-labels";
@@ -22,7 +21,7 @@ import {
   startDrawing,
   stopDrawing,
 } from "./sensor-commands";
-import { board, drawingFrame, isDrawing, isRedrawing, proposalShare, selectedCord } from "./state";
+import { board, drawingFrame, isDrawing, isRedrawing, selectedCord } from "./state";
 
 /** The tools; while they are on the page, cords can be edited in the scene. */
 export function SensorsToolbar() {
@@ -38,20 +37,9 @@ export function SensorsToolbar() {
         ]}
         onChange={(tool) => (tool === "draw" ? startDrawing() : stopDrawing())}
       />
-      {!isDrawing.value && <Proposal />}
+      {!isDrawing.value && <ProposeButton variant="quiet" />}
       {isDrawing.value && <PlaneTools />}
     </>
-  );
-}
-
-/** Proposes a cord, whatever is selected; the bar shows how far its search is. */
-function Proposal() {
-  const share = proposalShare.value;
-  return (
-    <span class="propose">
-      <ProposeButton variant="quiet" />
-      {share !== null && <ProgressBar label="Search for another cord" share={share} />}
-    </span>
   );
 }
 
