@@ -244,19 +244,25 @@ def test_only_layouts_that_can_be_made_are_used(app):
     step.layouts.append(layout)
     with raises(LayoutError, "layout-not-makeable"):
         app.browser.ask("use-layout", name="bad")
+    good = (left, middle)
+    search(app, step, good, bad)
+    assert step.watch.search.best == app.session.judge.judge(bad).error  # the most accurate one
+    app.browser.ask("use-best")
+    assert {s.name for s in app.session.device.sensors} == {left.name, middle.name}
+    search(app, step, bad)
+    with raises(LayoutError, "layout-not-makeable"):
+        app.browser.ask("use-best")
+
+
+def search(app, step, *layouts):
+    """Let the search of a new build find layouts, each better than the one before."""
     for callback in app.session.on_build_started:
         callback()
     folder = app.session.project.folder / "build"
-    for sensors in ((left, middle), bad):
-        candidate = CandidateLayout(folder, sensors, 1.0, is_best=True, seconds=1.0)
-        step.watch._run.load(candidate)
-        step.watch.record.bests.insert(0, candidate)
-        step.watch.record.best = candidate
-    app.browser.ask("use-best")
-    assert {s.name for s in app.session.device.sensors} == {left.name, middle.name}
-    step.watch.record.bests[:] = step.watch.record.bests[:1]
-    with raises(LayoutError, "layout-not-makeable"):
-        app.browser.ask("use-best")
+    for layout in layouts:
+        for callback in app.session.on_layout_found:
+            callback(CandidateLayout(folder, layout, 1.0, is_best=True, seconds=1.0))
+    assert step.wait(LONG_S)
 
 
 def test_the_best_layout_that_can_be_made_is_offered():
