@@ -75,6 +75,14 @@ class Studio:
         """Show an error in all browsers, as failed work does."""
         self._app.device.session.show_error(error)
 
+    def publish(self, event):
+        """Publish an event in place of the studio's own, once these have been published."""
+        assert self._app.device.check.wait(TIMEOUT_MS / 1000)
+        for step in self._app.device.steps:
+            if hasattr(step, "wait"):
+                assert step.wait(TIMEOUT_MS / 1000)
+        self._server.publish(event)
+
     def draw(self, cord, *, replaces):
         """Draw a cord in place of another one."""
         session = self._app.device.session
