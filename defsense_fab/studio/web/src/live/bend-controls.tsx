@@ -40,6 +40,7 @@ export function BendControls({ poses }: { poses: readonly string[] }) {
   return (
     <section class="bend-controls" aria-label="Bend the twin">
       <h3>Bend the twin</h3>
+      <p class="field-help">The sliders bend the simulated device; the shape is decoded from its readings.</p>
       <Checkbox
         label="Let it move automatically"
         isOn={isAutomatic.value}
