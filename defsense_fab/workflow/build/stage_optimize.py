@@ -176,7 +176,12 @@ def _repair_drawing(
     report(0.0, f"repairing {device.cord.noun}s that break a limit")
     movable = [s.name for s in device.sensors if "path" in s.free]
     found = repair_layout(
-        device.sensors, problem.surface, problem.limits, names=movable, depth=problem.depth
+        device.sensors,
+        problem.surface,
+        problem.limits,
+        names=movable,
+        keeps_freedoms=True,
+        depth=problem.depth,
     )
     require_drawing(problem, found.sensors)
     notes = tuple(

@@ -135,6 +135,13 @@ def test_a_locked_cord_outside_a_limit_is_refused(folder):
         optimize(folder)
 
 
+def test_the_plane_of_a_cord_whose_path_alone_is_free_stays(folder):
+    outside_by(folder, 0.01)
+    edit(folder, 'free = ["path", "plane"]', 'free = ["path"]')
+    with raises(LayoutError, "wall-too-thin", cord="left"):
+        optimize(folder)
+
+
 def test_a_device_without_cords_is_simulated(folder):
     text = (folder / "device.toml").read_text("utf-8")
     before, after = text[: text.index("[[sensors]]")], text[text.index("[design]") :]
