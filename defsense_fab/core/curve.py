@@ -21,6 +21,8 @@ from .arrays import Float
 #: Least number of points of a path for its signal, and in `layout.json`.
 MIN_PATH_SAMPLES = 120
 
+#: Largest difference of tangents from those that follow from the points, which files round.
+_SMOOTH_TOLERANCE_MM = 1e-3
 _UNIT_ROUNDING = 1e-15  # rounding error of a unit vector
 
 
@@ -169,6 +171,11 @@ def catmull_rom(points: Float) -> Float:
     slope = (step[..., :-1, :] / a * b + step[..., 1:, :] / b * a) / (a + b)
     out[..., 1:-1, :] = slope * np.minimum(a, b)
     return out
+
+
+def is_smooth(curve: Hermite) -> bool:
+    """Return whether the tangents of a curve follow from its points."""
+    return np.allclose(curve.tangents, catmull_rom(curve.points), atol=_SMOOTH_TOLERANCE_MM)
 
 
 @lru_cache(maxsize=64)

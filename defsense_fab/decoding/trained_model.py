@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -111,6 +112,15 @@ class Branch:
     intervals: Intervals | None
     simulated: SharedMemory | None = None
     outside: InputDecoder | None = None
+
+    @cached_property
+    def signal_range(self) -> TrainedRange:
+        """Range of the signals in training, without their memories."""
+        return self.range.for_signals()
+
+    def signal_distance(self, inputs: Float) -> float:
+        """Return the distance of the signals among inputs (d,) from the training."""
+        return float(self.signal_range.distance(inputs[None, : len(self.channels)])[0])
 
     def inputs(self, time: Float, signals: Float) -> Float:
         """Return the inputs (t, d) of all corrected signals (t, c) at times (t,), s."""

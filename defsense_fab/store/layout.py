@@ -322,13 +322,14 @@ class LayoutRecord:
             decoder's training in turn, mm.
         band: The errors of built devices.
         initial: The prediction for the paths that the search started from.
-        drawn: These paths (p, 3), mm, rest frame.
+        drawn: The drawn or first proposed paths (p, 3), mm, rest frame.
         proposed: Whether the search started from paths that it proposed itself.
         starts: RMSE of the searches' starting layouts, mm.
         seed: Seed of the searches.
         warned_cords: Name of the cord that a warning is about, by the warning.
         continued: "kept" or "improved" if the layout of an earlier build was, without a search;
             empty after a search.
+        repaired: Names of drawn cords that break a limit, and were repaired for `initial`.
     """
 
     SCHEMA: ClassVar[int] = 6
@@ -352,6 +353,14 @@ class LayoutRecord:
     seed: int
     warned_cords: Mapping[str, str] = field(default_factory=dict)
     continued: str = ""
+    repaired: tuple[str, ...] = ()
+
+    @property
+    def initial_label(self) -> str:
+        """How the cords of `initial` came about, for headings."""
+        if self.proposed:
+            return "as proposed"
+        return "as drawn, repaired" if self.repaired else "as drawn"
 
     @property
     def middles(self) -> dict[str, Float]:

@@ -201,7 +201,10 @@ class CheckWork(GuidedWork):
         self._step = state.step
         plan, notes = self._steps[state.step], list(self._notes)
         title = f"Step {state.step + 1} of {self.step_count}"
-        instruction, status, progress = plan.instruction, "Start the step when ready.", None
+        begin = "Start the step when ready."
+        if self._hand is not None:
+            begin = "Start the step: the simulated device and its wires move automatically."
+        instruction, status, progress = plan.instruction, begin, None
         findings = self.diagnose() if state.phase == "done" else ()
         if state.phase == "done":
             faults = [f for f in findings if f.code != "ok"]

@@ -155,7 +155,7 @@ def _print_layout(layout: LayoutRecord, noun: str) -> None:
 
     initial, best, band = layout.initial, layout.prediction, layout.band
     table = Table(title=f"Predicted RMSE (mm), {best.decoder} decoder")
-    for column in ("", "as proposed" if layout.proposed else "as drawn", "optimized"):
+    for column in ("", layout.initial_label, "optimized"):
         table.add_column(column, justify="right" if column else "left")
     table.add_row("after training, in a session", "", f"[bold]{band.trained.median:.2f}[/bold]")
     table.add_row("  90 % of devices", "", f"{band.trained.low:.2f} to {band.trained.high:.2f}")

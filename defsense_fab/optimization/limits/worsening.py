@@ -24,25 +24,38 @@ def worsened_limits(
         after: The changed layout.
         limits: The limits.
     """
-    old = {(v.code, v.cords): _excess(v, limits) for v in before.violations}
+    old = _by_limit(before, limits)
     codes: dict[str, set[str]] = {}
     for violation in before.violations:
         for name in violation.cords:
             codes.setdefault(name, set()).add(violation.code)
     worse = []
-    for v in after.violations:
-        known = old.get((v.code, v.cords))
-        if known is not None:
-            is_worse = _excess(v, limits) > known + _TOLERANCE_MM
-        else:
-            had = codes.get(v.cords[0], set())
-            was_hidden = (v.code in _HIDDEN_BY_OUTSIDE and had & _OUTSIDE) or (
-                v.code in _HIDDEN_BY_ANY and had
-            )
-            is_worse = not was_hidden
-        if is_worse:
-            worse.append(v)
+    for key, violations in _by_limit(after, limits).items():
+        known = [_excess(v, limits) for v in old.get(key, ())]
+        had = codes.get(key[1][0], set())
+        was_hidden = (key[0] in _HIDDEN_BY_OUTSIDE and had & _OUTSIDE) or (
+            key[0] in _HIDDEN_BY_ANY and had
+        )
+        for k, v in enumerate(violations):
+            if k < len(known):
+                is_worse = _excess(v, limits) > known[k] + _TOLERANCE_MM
+            else:
+                is_worse = not was_hidden
+            if is_worse:
+                worse.append(v)
     return worse
+
+
+def _by_limit(
+    check: LayoutCheck, limits: Limits
+) -> dict[tuple[str, tuple[str, ...]], list[LimitViolation]]:
+    """Return the violations by code and cords, the worst first: a cord may have several of one."""
+    groups: dict[tuple[str, tuple[str, ...]], list[LimitViolation]] = {}
+    for violation in check.violations:
+        groups.setdefault((violation.code, violation.cords), []).append(violation)
+    for group in groups.values():
+        group.sort(key=lambda v: _excess(v, limits), reverse=True)
+    return groups
 
 
 def _excess(violation: LimitViolation, limits: Limits) -> float:

@@ -86,11 +86,16 @@ def require_drawing(problem: Problem, drawn: Layout) -> None:
     check = verify(drawn, problem.surface, problem.limits)
     if check.violations:
         broken = check.violations[0]
+        cord = next(s for s in drawn if s.name == broken.cords[0])
+        repairable = ("path", "plane" if cord.curve.is_planar else "ends")
+        action = "Move its control_points or plane"
+        if not cord.free.issuperset(repairable):
+            action += f", or let a search repair it: free = {list(repairable)}"
         raise LayoutError(
             broken.message,
             code=broken.code,
             where="device.toml: sensors",
-            action="Move its control_points or plane, or let a search repair it: free = ['path']",
+            action=action,
             cord=broken.cords[0],
             cords=broken.cords,
             value=broken.value,

@@ -7,12 +7,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.curve import Hermite, Plane, per_span_for_signal, sample_path
-from ...core.device.device import Sensor
+from ...core.curve import (
+    Hermite,
+    Plane,
+    catmull_rom,
+    is_smooth,
+    per_span_for_signal,
+    sample_path,
+)
+from ...core.device.device import PLANE_FREEDOMS, Sensor
 from ...core.mesh import Surface
 from ...geometry.kernels.surface_queries import SignedDistance, signed_distance_of
 from ..limits.verification import LayoutCheck, LimitViolation, verify
 from ..limits.worsening import worsened_limits
+from ..problem.cord_parameters import round_layout
 from ..problem.problem import Limits
 from ..search.starting_layouts import Layout
 from .descent import MAX_MARGIN_USE_MM
@@ -55,6 +63,7 @@ def repair_layout(
     limits: Limits,
     *,
     names: Collection[str] | None = None,
+    keeps_freedoms: bool = False,
     depth: SignedDistance | None = None,
 ) -> Repair:
     """Repair the cords that break a limit; the others stay as they are.
@@ -63,21 +72,26 @@ def repair_layout(
     again, then all of them together. Cords stay in their planes unless only another plane helps.
 
     Args:
-        sensors: All cords of the layout, whatever they may do in a search.
+        sensors: All cords of the layout.
         surface: The body's surface.
         limits: The limits.
         names: Names of the cords that may move; None for all.
+        keeps_freedoms: Whether only that moves of them which a search may move, rather than path,
+            ends and plane.
         depth: Depth below the surface, computed if not given.
     """
-    repairer = _Repairer(surface, limits, depth or signed_distance_of(surface))
+    repairer = _Repairer(surface, limits, depth or signed_distance_of(surface), keeps_freedoms)
     return repairer.repair(tuple(sensors), names)
 
 
 class _Repairer:
     """Repairs layouts in one body."""
 
-    def __init__(self, surface: Surface, limits: Limits, depth: SignedDistance) -> None:
+    def __init__(
+        self, surface: Surface, limits: Limits, depth: SignedDistance, keeps_freedoms: bool
+    ) -> None:
         self._surface, self._limits, self._depth = surface, limits, depth
+        self._keeps_freedoms = keeps_freedoms
 
     def repair(self, sensors: Layout, names: Collection[str] | None) -> Repair:
         before = self._check(sensors)
@@ -106,9 +120,9 @@ class _Repairer:
         """Return the layout with one cord repaired as far as possible."""
         k = [s.name for s in layout].index(name)
         best = layout, check
-        for start, has_plane in self._starts(layout[k]):
+        for start, free in self._starts(layout[k]):
             trial = (*layout[:k], start, *layout[k + 1 :])
-            found = self._descend(trial, {name}, has_plane)
+            found = self._descend(trial, {name: free})
             checked = self._check(found)
             if worsened_limits(check, checked, self._limits):
                 continue
@@ -118,22 +132,39 @@ class _Repairer:
                 best = found, checked
         return best
 
-    def _starts(self, sensor: Sensor) -> Iterator[tuple[Sensor, bool]]:
-        """Yield paths to repair a cord from, and whether its plane may move, the nearest first."""
-        starts = list(refitted_paths(sensor, self._surface, self._depth))
+    def _freedom(self, sensor: Sensor) -> frozenset[str]:
+        """Return what may move of a cord; as in a search, its ends are free if its plane is."""
+        plane = PLANE_FREEDOMS & sensor.free if self._keeps_freedoms else {"plane"}
+        if self._keeps_freedoms and not plane:
+            return sensor.free
+        return frozenset({"path", "ends", *(plane if sensor.curve.is_planar else ())})
+
+    def _starts(self, sensor: Sensor) -> Iterator[tuple[Sensor, frozenset[str]]]:
+        """Yield paths to repair a cord from, and what may move of it, the nearest first."""
+        free = self._freedom(sensor)
+        has_free_ends = "ends" in free
+        starts = []
+        if has_free_ends:
+            starts = list(refitted_paths(sensor, self._surface, self._depth))
         if ends_at_surface(sensor, self._surface, self._depth) or not starts:
             starts.insert(0, sensor)
         for start in starts:
-            yield start, False
-        pulled = pull_into_body(sensor, self._depth)
-        for start in (*starts, *refitted_paths(pulled, self._surface, self._depth)):
-            yield start, True
+            yield start, free - PLANE_FREEDOMS
+        if not has_free_ends:
+            return
+        if "offset" not in free:
+            pulled = pull_into_body(sensor, self._depth)
+            starts += refitted_paths(pulled, self._surface, self._depth)
+        for start in starts:
+            yield start, free
 
     def _repair_together(
         self, layout: Layout, check: LayoutCheck, names: Sequence[str]
     ) -> tuple[Layout, LayoutCheck]:
-        for has_plane in (False, True):
-            found = self._descend(layout, set(names), has_plane)
+        freedoms = {s.name: self._freedom(s) for s in layout if s.name in names}
+        in_planes = {name: free - PLANE_FREEDOMS for name, free in freedoms.items()}
+        for trial in (in_planes, freedoms):
+            found = self._descend(layout, trial)
             checked = self._check(found)
             is_better = len(checked.violations) < len(check.violations)
             if is_better and not worsened_limits(check, checked, self._limits):
@@ -142,23 +173,27 @@ class _Repairer:
                 break
         return layout, check
 
-    def _descend(self, layout: Layout, names: Collection[str], has_plane: bool) -> Layout:
+    def _descend(self, layout: Layout, freedoms: Mapping[str, frozenset[str]]) -> Layout:
         """Return the nearest layout that keeps the limits as the descents see them."""
         target = layout
         for n in range(_ROUNDS):
             program = RepairProgram(
-                self._surface, self._depth, self._limits, layout, target, names, has_plane
+                self._surface, self._depth, self._limits, layout, target, freedoms
             )
             loosest = MAX_MARGIN_USE_MM if n == 0 else 0.0
             start = np.zeros(program.size)
             found = minimize(program, start, _ITERATIONS, tolerance=_TOLERANCE, loosest=loosest)
             layout = tuple(
-                _round(s) if s.name in names else old
+                self._round(s) if s.name in freedoms else old
                 for s, old in zip(program.layout(found.x), layout, strict=True)
             )
-            if not _broken(self._check(layout), names):
+            if not _broken(self._check(layout), freedoms):
                 break
         return layout
+
+    def _round(self, sensor: Sensor) -> Sensor:
+        """Round what has moved as a search does, or the cord as `device.toml` does."""
+        return round_layout((sensor,))[0] if self._keeps_freedoms else _round(sensor)
 
     def _check(self, layout: Layout) -> LayoutCheck:
         return verify(layout, self._surface, self._limits, self._depth)
@@ -179,9 +214,9 @@ def _distance(old: Sensor, new: Sensor) -> float:
 
 def _round(sensor: Sensor) -> Sensor:
     """Round a cord as `device.toml` does."""
-    curve = Hermite(
-        np.round(sensor.curve.points, _DECIMALS), np.round(sensor.curve.tangents, _DECIMALS)
-    )
+    points = np.round(sensor.curve.points, _DECIMALS)
+    tangents = np.round(sensor.curve.tangents, _DECIMALS)
+    curve = Hermite(points, catmull_rom(points) if is_smooth(sensor.curve) else tangents)
     if not curve.is_planar:
         return replace(sensor, curve=curve)
     axes = np.round(sensor.plane.axes, _DIRECTION_DECIMALS)

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import catmull_rom
+from ...core.curve import catmull_rom, is_smooth
 from ...core.device.device import Sensor
 from ...core.mesh import Surface
 from ...geometry.kernels.surface_queries import SignedDistance
 from ..limits.constraints import Constraints
-from ..problem.cord_parameters import CordParameters
+from ..problem.cord_parameters import CordParameters, independent_parameters
 from ..problem.objective import QuadraticModel
 from ..problem.problem import Limits
 from ..search.starting_layouts import Layout
 from .descent import apply_parameters
 
-_PATH, _PATH_AND_PLANE = frozenset({"path", "ends"}), frozenset({"path", "ends", "plane"})
 _DIFFERENCE_MM = 1e-5  # for the derivatives of tangents by points
 _TANGENT_WEIGHT = 1e-3  # of changes of the stack that do not move the path
-_SMOOTH_TOLERANCE_MM = 2e-3  # within which tangents follow from the points
 
 
 class RepairProgram:
@@ -36,8 +34,7 @@ class RepairProgram:
         limits: The limits.
         layout: All cords.
         target: The cords as they should be as far as possible, with as many points.
-        names: Names of the cords that move.
-        has_plane: Whether their planes move, too.
+        freedoms: What moves of the cords, as in `FREEDOMS`, by name; the other cords stay.
     """
 
     def __init__(
@@ -47,12 +44,11 @@ class RepairProgram:
         limits: Limits,
         layout: Layout,
         target: Layout,
-        names: Collection[str],
-        has_plane: bool,
+        freedoms: Mapping[str, frozenset[str]],
     ) -> None:
         self._layout = layout
         self._cords = [
-            CordParameters(replace(s, free=_freedom(s, names, has_plane))) for s in layout
+            CordParameters(replace(s, free=freedoms.get(s.name, frozenset()))) for s in layout
         ]
         self._free = [
             _FreeCord(cord, aim) for cord, aim in zip(self._cords, target, strict=True) if cord.size
@@ -78,7 +74,7 @@ class RepairProgram:
         )
 
     def inequalities(self, y: Float) -> tuple[Float, Float]:
-        """Return the limits, and their derivatives."""
+        """Return the limits that depend on what moves, and their derivatives."""
         room, rows = self._constraints(self._spread(y))
         out, at, done = np.zeros((len(rows), self.size)), 0, 0
         for cord, part in zip(self._free, self._parts(y), strict=True):
@@ -86,7 +82,8 @@ class RepairProgram:
                 rows[:, at : at + cord.parameters.size] @ cord.spread(part)[1]
             )
             at, done = at + cord.parameters.size, done + cord.size
-        return room, out
+        can_change = out.any(axis=1)  # not between cords that stay
+        return room[can_change], out[can_change]
 
     def guard(self, y: Float, trial: Float) -> None:  # noqa: ARG002 - the limits are all there is
         """Rule nothing out."""
@@ -105,40 +102,46 @@ class RepairProgram:
 
 
 class _FreeCord:
-    """One cord that moves: its control points, its tangents unless they follow, its plane."""
+    """What moves of one cord: control points, tangents unless they follow, and its plane."""
 
     def __init__(self, parameters: CordParameters, target: Sensor) -> None:
         self.parameters = parameters
-        curve = parameters.sensor.curve
+        curve, self._rows = parameters.sensor.curve, parameters.rows
         self._points, self._tangents = curve.points, curve.tangents
-        self._is_smooth = np.allclose(
-            self._tangents, catmull_rom(self._points), atol=_SMOOTH_TOLERANCE_MM
-        )
-        inside = parameters.stack.size
-        self.size = parameters.size - (inside // 2 if self._is_smooth else 0)
+        count, dimensions = curve.points.shape
+        self._moved = self._rows[self._rows < count]
+        self._following = self._rows[self._rows >= count] - count
+        self._is_smooth = is_smooth(curve)
+        inside = dimensions * len(self._rows)
+        # A plane that keeps its direction has fewer parameters than a frame.
+        self._by_free = independent_parameters([parameters.sensor])[1]
+        self._frame = self._by_free[inside:, inside:]
+        followers = dimensions * len(self._following) if self._is_smooth else 0
+        self.size = self._by_free.shape[1] - followers
         ahead = np.concatenate([target.curve.points, target.curve.tangents])
-        self._offset = (parameters.stack - ahead).ravel()
-        basis, weight = parameters.basis, np.full(parameters.size, 1.0)
+        self._offset = (parameters.stack - ahead)[self._rows].ravel()
+        basis, weight = parameters.basis_of_rows, np.full(parameters.size, 1.0)
         weight[:inside] = _TANGENT_WEIGHT
         self._metric = np.diag(weight)
-        self._metric[:inside, :inside] += np.kron(
-            basis.T @ basis / len(basis), np.eye(curve.points.shape[1])
-        )
+        self._metric[:inside, :inside] += np.kron(basis.T @ basis / len(basis), np.eye(dimensions))
 
     def spread(self, y: Float) -> tuple[Float, Float]:
         """Return all parameters at what may change, y (size,), and their derivatives."""
         if not self._is_smooth:
-            return y, np.eye(self.size)
-        count = self._points.size
-        moved = self._points + y[:count].reshape(self._points.shape)
-        tangents = catmull_rom(moved)
-        steps = _DIFFERENCE_MM * np.eye(count).reshape(count, *self._points.shape)
-        by = (catmull_rom(moved + steps) - tangents).reshape(count, -1).T / _DIFFERENCE_MM
-        x = np.concatenate([y[:count], (tangents - self._tangents).ravel(), y[count:]])
+            return self._by_free @ y, self._by_free
+        count = self._points[self._moved].size
+        steps = _DIFFERENCE_MM * np.eye(count).reshape(count, *self._points[self._moved].shape)
+        points = np.tile(self._points, (1 + count, 1, 1))
+        points[:, self._moved] += y[:count].reshape(-1, self._points.shape[1])
+        points[1:, self._moved] += steps
+        tangents = catmull_rom(points)[:, self._following]
+        by = (tangents[1:] - tangents[0]).reshape(count, -1).T / _DIFFERENCE_MM
+        following = (tangents[0] - self._tangents[self._following]).ravel()
+        x = np.concatenate([y[:count], following, self._frame @ y[count:]])
         rows = np.zeros((len(x), self.size))
         rows[:count, :count] = np.eye(count)
-        rows[count : 2 * count, :count] = by
-        rows[2 * count :, count:] = np.eye(self.size - count)
+        rows[count : count + len(by), :count] = by
+        rows[count + len(by) :, count:] = self._frame
         return x, rows
 
     def movement(self, y: Float) -> tuple[float, Float, Float]:
@@ -148,9 +151,3 @@ class _FreeCord:
         x[: len(self._offset)] += self._offset
         pull = self._metric @ x
         return float(x @ pull), 2 * rows.T @ pull, 2 * rows.T @ self._metric @ rows
-
-
-def _freedom(sensor: Sensor, names: Collection[str], has_plane: bool) -> frozenset[str]:
-    if sensor.name not in names:
-        return frozenset()
-    return _PATH_AND_PLANE if has_plane and sensor.curve.is_planar else _PATH

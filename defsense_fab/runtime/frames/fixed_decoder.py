@@ -85,7 +85,8 @@ class FixedDecoder:
             notes.append(_CLOCK_RESTARTED)
         lost, quality = self._choose_decoder(sorted(failed), notes)
         inputs = {name: s.inputs(reading.time, signals) for name, s in self._streams.items()}
-        now = decode_inputs(model.branch(lost), inputs[lost][None], len(self._ids))
+        branch = model.branch(lost)
+        now = decode_inputs(branch, inputs[lost][None], len(self._ids))
         is_far = not now.distance[0] < IMPLAUSIBLE_DISTANCE
         if is_far and not failed:
             notes.append(_IMPLAUSIBLE)
@@ -93,7 +94,8 @@ class FixedDecoder:
             quality, now = Quality.LOST, self._last_good or self._unknown()
         elif now.distance[0] < UNTRAINED_DISTANCE or self._last_good is None:
             self._last_good = now
-        if quality is Quality.TRUSTED and now.distance[0] > UNTRAINED_DISTANCE:
+        is_trained = not branch.signal_distance(inputs[lost]) > UNTRAINED_DISTANCE
+        if quality is Quality.TRUSTED and not is_trained:
             quality = Quality.UNTRAINED
             notes.append(UNTRAINED)
         return replace(

@@ -16,9 +16,10 @@ from ...decoding.trained_model import Decoded, TrainedModel, decode_inputs
 from ...sensing.response import relative_change
 from .live_faults import SWAPPED, LiveFault, LiveFaults, SwapWatch, fault_note
 from .live_frame import MEASURING_REST, LiveFrame, Note, Quality
+from .rest_signals import rest_signals
 from .rest_tracker import Rest, RestTracker, drift_note
 
-UNTRAINED_DISTANCE = 1.5  # from the training; 1 % of the training's own readings lie beyond 1
+UNTRAINED_DISTANCE = 1.5  # of signals; 1 % of the training's own readings lie beyond 1
 IMPLAUSIBLE_DISTANCE = 5.0  # readings so far from the training cannot be decoded
 _DISTANCE_TIME_CONSTANT_S = 0.3  # of the average that is compared with UNTRAINED_DISTANCE
 _MAX_REST_RATIO = 3.0  # times R0 in the training, which no cord of the same length has
@@ -123,7 +124,9 @@ class LiveDecoder:
                 )
         span = np.maximum(model.main.range.high - model.main.range.low, 1e-6)
         self.model = model
-        self._tracker = RestTracker(span, rest, first_rest_signals, trained_rest)
+        self._tracker = RestTracker(
+            span, rest, first_rest_signals, trained_rest, self._rest_signals
+        )
         self._follow_drift = follow_drift
         self._rest_ohms = None if rest is None else np.asarray(rest, float)
         self._trained_rest, self._fallback = trained_rest, fallback
@@ -137,6 +140,7 @@ class LiveDecoder:
         self._is_restoring = False
         self._rest_note, self._rest_note_until = Note("", ""), -np.inf
         self._last_good: Decoded | None = None
+        self._last_inputs: tuple[str | None, Float] | None = None
         self._last_time = -np.inf
         self._ids = tuple(int(i) for i in model.ids)
 
@@ -197,6 +201,18 @@ class LiveDecoder:
         for stream in self._streams.values():
             stream.change_rest(ratio)
 
+    def _rest_signals(self) -> Float:
+        """Return the signals (c,) of the device at rest; NaN of channels that cannot be read."""
+        model = self.model
+        if not model.main.past.count or self._last_inputs is None:
+            return np.zeros(len(model.channels))
+        lost, inputs = self._last_inputs
+        branch = model.branch(lost)
+        signals = np.full(len(model.channels), np.nan)
+        if np.isfinite(inputs).all():
+            signals[list(branch.channels)] = rest_signals(branch, inputs, model.rest_points.ravel())
+        return np.asarray(model.offset + model.gain * signals)
+
     def _unswap(self, ohms: Float) -> Float:
         return self._swaps.unswap(ohms) if self._fallback else ohms
 
@@ -210,7 +226,9 @@ class LiveDecoder:
         inputs = {n: s.inputs(reading.time, signals) for n, s in self._streams.items()}
         lost_channel, quality = self._choose_decoder(notes)
         failed = len(self._faults)
-        now = decode_inputs(model.branch(lost_channel), inputs[lost_channel][None], len(self._ids))
+        branch, present = model.branch(lost_channel), inputs[lost_channel]
+        self._last_inputs = (lost_channel, present)
+        now = decode_inputs(branch, present[None], len(self._ids))
         is_far = not now.distance[0] < IMPLAUSIBLE_DISTANCE
         # A single implausible cord has a fault; several that can be read have a wrong R0.
         is_implausible = (
@@ -226,7 +244,7 @@ class LiveDecoder:
             now = self._last_good or now
         elif now.distance[0] < UNTRAINED_DISTANCE or self._last_good is None:
             self._last_good = now
-        self._average_distance(float(now.distance[0]), since)
+        self._average_distance(branch.signal_distance(present), since)
         if quality == Quality.TRUSTED and self._mean_distance > UNTRAINED_DISTANCE:
             quality = Quality.UNTRAINED
             notes.append(UNTRAINED)

@@ -178,7 +178,7 @@ class SwapWatch:
         )
         # The range of signals alone: after a swap, memories are wrong for a long time in all
         # orders but one.
-        self._model, self._range = model, model.main.range.for_signals()
+        self._model, self._range = model, model.main.signal_range
         self._mean_log_distance = np.zeros(len(self._orders))
         self._averaged_since, self._last_time = np.nan, np.nan
         self._window: deque[Float] = deque(maxlen=2 * _SWAP_SIDE_SAMPLES)

@@ -65,6 +65,8 @@ class RestTracker:
             first period is corrected by them.
         trained_ohms: R0 (c,) in the training, ohm, from which R0 of a channel is estimated while it
             cannot be measured.
+        rest_signals: Returns the signals (c,) that are expected of a device at rest that has been
+            moved, since its cords remember that; NaN where they are not known. None for zero.
     """
 
     def __init__(
@@ -73,8 +75,10 @@ class RestTracker:
         ohms: Float | None = None,
         first_rest_signals: Float | None = None,
         trained_ohms: Float | None = None,
+        rest_signals: Callable[[], Float] | None = None,
     ) -> None:
         c = len(span)
+        self._rest_signals = rest_signals or (lambda: np.zeros(c))
         self._span, self._trained_ohms = np.maximum(span, 1e-6), trained_ohms
         self._first = self._now = None if ohms is None else np.asarray(ohms, float)
         self._setting = (
@@ -117,7 +121,13 @@ class RestTracker:
         good &= np.isfinite(R).all(axis=0) & (R > 0).all(axis=0)
         if not len(R) or not good.any():
             return False
-        self._start(good, np.median(R[:, good], axis=0))
+        median = np.median(R[:, good], axis=0)
+        if self._now is not None:
+            at_rest = median / (1 + self._rest_signals()[good])
+            # Far from R0, the decoder does not know what rest is.
+            is_near = np.isfinite(at_rest).all() and self._offset(good, at_rest) <= _MAX_DRIFT
+            median = at_rest if is_near else median
+        self._start(good, median)
         self._was_moved = self._has_settled = True
         self._mean_s = _PRIOR_REST_S
         return True
@@ -164,7 +174,8 @@ class RestTracker:
         if (np.ptp(means, axis=0) / median > _MAX_STILL_CHANGE * self._span[good]).any():
             return
         self._is_still = True
-        median = median if self._was_moved else median * self._setting[good]
+        setting = 1 / (1 + self._rest_signals()) if self._was_moved else self._setting
+        median = median * setting[good]
         if self._now is None:
             self._start(good, median)
             self._is_resting = True

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import msgspec
 import numpy as np
@@ -59,10 +59,11 @@ class FrameArrays:
 
     Args:
         device: The device.
+        shape: Returns the true surface (v, 3) of a simulated device, mm; None for a real device.
     """
 
-    def __init__(self, device: ViewedDevice) -> None:
-        self._device, self._cords = device, carried_cords(device)
+    def __init__(self, device: ViewedDevice, shape: Callable[[], Float] | None = None) -> None:
+        self._device, self._cords, self._shape = device, carried_cords(device), shape
 
     @property
     def rest(self) -> Arrays:
@@ -75,7 +76,7 @@ class FrameArrays:
         return Arrays(name=DEVICE_ARRAYS, arrays=arrays)
 
     def of(self, frame: LiveFrame) -> Arrays:
-        """Return a frame: signals (c,), markers (m, 3) and their radii (m,), cords and surface."""
+        """Return a frame: signals (c,), markers (m, 3) and their radii (m,), cords and surfaces."""
         arrays: dict[str, object] = {
             "signals": np.asarray(frame.signals, float),
             "markers": np.asarray(frame.markers, float),
@@ -85,6 +86,8 @@ class FrameArrays:
         if frame.vertices is not None and rest is not None:
             arrays["vertices"] = frame.vertices
             arrays["cords"] = self._paths(frame.vertices - rest)
+            if self._shape is not None:
+                arrays["trueVertices"] = self._shape()
         if frame.tracks is not None:
             arrays["tracks"] = frame.tracks[np.isfinite(frame.tracks).all(axis=1)]
         facts = msgspec.to_builtins(frame_facts(frame))

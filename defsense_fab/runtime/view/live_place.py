@@ -76,7 +76,7 @@ class LivePlace:
     def open(self, device: ViewedDevice, actions: PanelActions) -> None:
         """Show a device, in place of an earlier one."""
         self.close()
-        arrays = FrameArrays(device)
+        arrays = FrameArrays(device, actions.shape)
         self._actions, self._arrays = actions, arrays
         self._server.publish_arrays(arrays.rest)
         self._server.publish(live_device(device, actions))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from ...core.arrays import Float
 from ..frames.live_frame import Note
 
 
@@ -22,6 +23,7 @@ class PanelActions:
         bend: Bends the simulated device to levels of poses, 0 to 1, or lets it move automatically
             with None; None for a real device.
         poses: Names of the poses that the simulated device can be bent by.
+        shape: Returns the true surface (v, 3) of the simulated device, mm; None for a real device.
         undo_rest: Uses the resistances at rest as they were before `rest`.
     """
 
@@ -32,4 +34,5 @@ class PanelActions:
     latency: Callable[[], str] | None = None
     bend: Callable[[Mapping[str, float] | None], None] | None = None
     poses: tuple[str, ...] = ()
+    shape: Callable[[], Float] | None = None
     undo_rest: Callable[[], None] | None = None

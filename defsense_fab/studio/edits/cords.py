@@ -9,7 +9,7 @@ import numpy as np
 from tomlkit import TOMLDocument
 
 from ...core.arrays import Float
-from ...core.curve import Hermite, Plane, catmull_rom
+from ...core.curve import Hermite, Plane, is_smooth
 from ...core.device.device import FREEDOMS, Sensor
 from ...core.device.device_file import DEVICE
 from ...core.errors import DeviceError
@@ -28,7 +28,6 @@ from .edit import (
 )
 
 _KEY = "sensors"
-_TANGENT_TOLERANCE = 1e-3  # mm; smaller differences follow from rounding
 _DIRECTION_DECIMALS = 6  # three would misplace the ends of a long plane
 
 
@@ -46,7 +45,7 @@ def add_cord(name: str, plane: Plane, curve: Hermite, free: Sequence[str] = ()) 
         values: dict[str, Any] = {"name": name, "control_points": numbers(curve.points)}
         if curve.is_planar:
             values = {"name": name, "plane": _plane_table(plane), **values}
-        if not _has_default_tangents(curve):
+        if not is_smooth(curve):
             values["tangents"] = numbers(curve.tangents)
         if free:
             values["free"] = strings(free)
@@ -139,7 +138,7 @@ def set_path(name: str, curve: Hermite) -> Edit:
     def change(document: TOMLDocument) -> None:
         cord = named(document, _KEY, name)
         cord["control_points"] = numbers(curve.points)
-        if _has_default_tangents(curve):
+        if is_smooth(curve):
             cord.pop("tangents", None)
         else:
             cord["tangents"] = numbers(curve.tangents)
@@ -285,10 +284,6 @@ def _mirror_in_space(
         tangents = np.array(cord["tangents"], float)
         cord["tangents"] = numbers(tangents - 2 * np.outer(tangents @ n, n))
     append(document, _KEY, {**cord, "name": to})
-
-
-def _has_default_tangents(curve: Hermite) -> bool:
-    return np.allclose(curve.tangents, catmull_rom(curve.points), atol=_TANGENT_TOLERANCE)
 
 
 def _points(document: TOMLDocument, name: str, at: int, extra: int = 0) -> Any:

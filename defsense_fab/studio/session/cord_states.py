@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import Hermite, Plane, catmull_rom, sample_path
+from ...core.curve import Plane, sample_path
+from ...core.curve import is_smooth as is_smooth
 from ...core.device.device import FREEDOMS, Sensor
 from ...core.errors import LayoutError
 from ..messages.shell import CordState
-
-_TANGENT_TOLERANCE_MM = 1e-3  # within which tangents count as computed from the points
 
 
 def cord_state(sensor: Sensor, color: str) -> CordState:
@@ -40,11 +39,6 @@ def cord_states(sensors: Sequence[Sensor], colors: Mapping[str, str]) -> list[Co
 def path_points(sensor: Sensor) -> list[list[float]]:
     """Return points (p, 3) mm along a cord's path."""
     return rounded(sample_path(sensor))
-
-
-def is_smooth(curve: Hermite) -> bool:
-    """Return whether the tangents of a curve follow from its points."""
-    return np.allclose(curve.tangents, catmull_rom(curve.points), atol=_TANGENT_TOLERANCE_MM)
 
 
 def plane_of(origin: Sequence[float], axes: Sequence[Sequence[float]]) -> Plane:

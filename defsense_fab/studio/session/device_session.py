@@ -12,7 +12,7 @@ from ...core.device.device import Device, Sensor
 from ...core.errors import DefsenseError, StorageError
 from ...core.mesh import Surface
 from ...workflow.build.build import freshness
-from ...workflow.build.renamed_poses import carry_over_rename
+from ...workflow.build.renamed_poses import carry_over_rename, is_rename
 from ...workflow.build.results import Build, has_poses, last_build
 from ...workflow.design.layout_judge import LayoutJudge
 from ...workflow.starts.body_scripts import ScriptText
@@ -90,6 +90,8 @@ class DeviceSession:
         self.on_freshness: list[Callable[[], None]] = []
         self._cord_colors = CordColors()
         self._former = project.device
+        self._rename_lock = threading.Lock()
+        self._renames: list[tuple[Device, Device]] = []  # that the simulation does not have yet
         self._judge_settings = ""
         self._judge_worker = LatestWorker(self._update_judge, self.show_error)
         self._freshness_worker = LatestWorker(self._check_freshness, self.show_error)
@@ -212,6 +214,7 @@ class DeviceSession:
 
     def load(self) -> None:
         """Load the body and the fields of the poses from the last build."""
+        self._carry_over_renames()  # that a build has put off
         self.results = last_build(self.device)
         try:
             self.surface = self.results.surface
@@ -260,8 +263,7 @@ class DeviceSession:
         self.jobs.close()
 
     def _follow_device(self, _: str) -> None:
-        former, self._former = self._former, self.device
-        is_renamed = carry_over_rename(former, self.device)
+        is_renamed = self._carry_over_renames()
         if self.judge is not None and judge_settings(self.device) != self._judge_settings:
             self._judge_worker.give(self.device)
         self.build_error = None  # of the device as it was
@@ -271,6 +273,25 @@ class DeviceSession:
             self._load_worker.give(None)  # the fields have other names now
         else:
             self.check_freshness()
+
+    def _carry_over_renames(self) -> bool:
+        """Rename poses in the simulation as in the device, unless a build is running.
+
+        Returns:
+            Whether the simulation has changed.
+        """
+        with self._rename_lock:
+            former, self._former = self._former, self.device
+            if is_rename(former, self._former):
+                self._renames.append((former, self._former))
+            has_changed = False
+            while self._renames:
+                try:
+                    has_changed |= carry_over_rename(*self._renames[0])
+                except StorageError:
+                    break  # the end of the build loads its results
+                del self._renames[0]
+        return has_changed
 
     def _call(self, callbacks: list[Callable[[], None]]) -> None:
         for callback in callbacks:

@@ -52,8 +52,15 @@ class BentCords(ReplayedCords):
         steps = np.diff(truth.ohm[: max(moves_from, _MIN_REST_SAMPLES)], axis=0)
         self._noise, self._rng = steps.std(axis=0) / np.sqrt(2), np.random.default_rng(_SEED)
         self._lock = threading.Lock()
+        self._shown: Float = truth.weights[0]
         self._target: Float | None = None
         self._hand: _Hand | None = None
+
+    @property
+    def levels(self) -> Float:
+        """Levels (d,) of the session's poses at the last sample."""
+        with self._lock:
+            return self._shown
 
     def bend(self, levels: Mapping[str, float] | None) -> None:
         """Bend the device to levels of poses, 0 to 1, or let the session continue with None."""
@@ -70,16 +77,23 @@ class BentCords(ReplayedCords):
         with self._lock:
             if self._target is None or time < self._rest_end:
                 self._hand = None
+                self._shown = self._truth.weights[self._sample_at(time)]
                 return super()._replay(time)
             if self._hand is None:
                 self._hand = self._take_in_hand(time)
             ohm = self._hand.move(self._target, time)
+            self._shown = self._hand.levels
             return np.asarray(ohm + self._noise * self._rng.normal(size=len(self._noise)))
+
+    def _sample_at(self, time: float) -> int:
+        """Return the index of the session's sample at a time, s."""
+        times = self._truth.sample_time
+        return min(int(np.searchsorted(times, self._position(time))), len(times) - 1)
 
     def _take_in_hand(self, time: float) -> _Hand:
         """Return the device as the session has left it at a time, s."""
         t, pieces = self._truth, self._pieces
-        count = int(np.searchsorted(t.sample_time, self._position(time))) + 1
+        count = self._sample_at(time) + 1
         past, state = t.signals[:count], RubberState.new(pieces.traits, len(pieces.ohm)).memory
         _, state = pieces.respond(t.sample_time[:count], past, state)
         return _Hand(
@@ -88,7 +102,7 @@ class BentCords(ReplayedCords):
 
 
 class _Hand:
-    """A device that a person holds, with the memory of its cords."""
+    """A device that a person holds, at levels (d,) of poses, with the memory of its cords."""
 
     def __init__(
         self,
@@ -101,13 +115,13 @@ class _Hand:
         time: float,
     ) -> None:
         self._pieces, self._rest, self._signals_at = pieces, rest, signals_at
-        self._levels, self._signals, self._state, self._time = levels, signals, state, time
+        self.levels, self._signals, self._state, self._time = levels, signals, state, time
 
     def move(self, target: Float, time: float) -> Float:
         """Move on towards levels (d,) of the poses; return the resistances (c,) ohm."""
         passed = max(time - self._time, 0.0)
-        self._levels = self._levels - np.expm1(-passed / FOLLOW_S) * (target - self._levels)
-        signals = self._signals_at(self._levels[None])[0]
+        self.levels = self.levels - np.expm1(-passed / FOLLOW_S) * (target - self.levels)
+        signals = self._signals_at(self.levels[None])[0]
         step = np.array([0.0, passed])
         change = np.array([self._signals, signals])
         response, self._state = self._pieces.respond(step, change, self._state)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.progress import Progress, silent
 from ..electronics.cords import CordFault
@@ -27,6 +30,16 @@ class WalkingBoard:
     device: Device
     cords: BentCords
     runs: TwinRuns
+
+    def shape_of(self, points: Float) -> Callable[[], Float]:
+        """Return a function that returns where points (p, 3) of the body at rest are now, mm."""
+        fields, cords = self.runs.fields, self.cords
+        moves = fields.displacements(points)
+
+        def shape() -> Float:
+            return points + np.tensordot(fields.space(cords.levels[None])[0], moves, axes=1)
+
+        return shape
 
     def open(self) -> ReadoutTwin:
         """Switch the read-out board on: the session starts, with a rest."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import ceil
 
 import numpy as np
 
 from ...core.arrays import Float
+from ...core.device.boards import ADS1115, ADS1115_INPUTS, find_board
 from ...core.device.device import Device
 from ...geometry.channels.channel_ends import End
 from ...geometry.channels.cord_assembly import JointSides, Stretch, find_late_joints, find_stretches
@@ -276,6 +278,7 @@ def bill(
                 f"reference of the voltage divider of {', '.join(names)}",
             )
         )
+    rows += _read_out(device, len(cords))
     if len(part_set.parts) > 1:
         rows.append(_glue(device, copies * sum(c.area for c in part_set.contacts)))
     return tuple(rows)
@@ -311,7 +314,19 @@ def _trace_bill(
             )
             for c in cords
         ),
+        *_read_out(device, len(cords)),
     )
+
+
+def _read_out(device: Device, cords: int) -> list[BillItem]:
+    """Return the boards that read a number of cords, and the converters on modules."""
+    board, copies = find_board(device.board), device.fabrication.copies
+    use = f"reads the {device.cord.noun}s; the package has its program"
+    items = [BillItem(board.title, str(copies), use)]
+    if device.converter == ADS1115:
+        modules = copies * ceil(cords / ADS1115_INPUTS)
+        items.append(BillItem("ADS1115 module", str(modules), "its converters"))
+    return items
 
 
 def _glue(device: Device, area_mm2: float) -> BillItem:

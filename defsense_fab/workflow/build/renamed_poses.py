@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 
 from ...core.device.device import Device
-from ...core.errors import DefsenseError
+from ...core.errors import DefsenseError, StorageError
 from ...core.storage.files import digest
 from ...store.fields import INDEX, field_path, load_index, save_index
 from .build import build_lock
@@ -15,6 +16,11 @@ from .stage_files import complete_key, file_sizes, save_stage_record
 from .stages import STAGES, plain, stage_keys
 
 _SIMULATE = next(stage for stage in STAGES if stage.name == "simulate")
+
+
+def is_rename(before: Device, after: Device) -> bool:
+    """Return whether the name of one pose is all that a simulation depends on and has changed."""
+    return bool(_renamed_states(before, after))
 
 
 def carry_over_rename(before: Device, after: Device) -> bool:
@@ -28,6 +34,9 @@ def carry_over_rename(before: Device, after: Device) -> bool:
 
     Returns:
         Whether the simulation belongs to `after` now.
+
+    Raises:
+        StorageError: A build is running.
     """
     folder = after.source / "build"
     names = _renamed_states(before, after)
@@ -48,12 +57,14 @@ def carry_over_rename(before: Device, after: Device) -> bool:
             for old, new in names.items():
                 if old != new and field_path(folder, old).exists():
                     field_path(folder, old).replace(field_path(folder, new))
-            warnings = tuple(_in_text(text, names) for text in index.warnings)
+            warnings = tuple(_in_text(text, {**names, **pose}) for text in index.warnings)
             save_index(folder, replace(index, states=states, warnings=warnings))
             record = {"key": key[_SIMULATE.name], "files": file_sizes(folder, _SIMULATE)}
             save_stage_record(folder, _SIMULATE, record)
-    except (DefsenseError, OSError, KeyError):  # a build is running, or files are damaged
-        return False
+    except (DefsenseError, OSError, KeyError) as error:
+        if isinstance(error, StorageError) and error.code == "build-running":
+            raise
+        return False  # files are damaged
     return True
 
 
@@ -89,7 +100,7 @@ def _renamed(weights: Mapping[str, float], pose: Mapping[str, str]) -> dict[str,
 
 
 def _in_text(text: str, names: Mapping[str, str]) -> str:
-    for old in sorted(names, key=len, reverse=True):
-        if old in text:
-            return text.replace(old, names[old])
-    return text
+    """Return a text with new names of states and poses by the old ones, where they are words."""
+    longest_first = sorted(map(re.escape, names), key=len, reverse=True)
+    words = rf"(?<!\w)(?:{'|'.join(longest_first)})(?!\w)"
+    return re.sub(words, lambda match: names[match[0]], text)

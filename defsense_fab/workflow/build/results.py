@@ -10,7 +10,7 @@ from ...decoding.expected_errors import NONE as NONE
 from ...report.surface_errors import SurfaceErrors as SurfaceErrors
 from ...report.surface_errors import surface_errors as surface_errors
 from ...store.build import Build as Build
-from ...store.fields import INDEX
+from ...store.fields import INDEX, field_path
 from ...store.layout import LAYOUT
 from ...store.layout import LayoutRecord as LayoutRecord
 from ...store.manifest import MANIFEST
@@ -46,6 +46,17 @@ def poses_digest(build: Build) -> str:
         StorageError: It has no mesh.
     """
     return build.mesh_record.hash + digest(build.folder / INDEX)
+
+
+def simulation_digest(build: Build) -> str:
+    """Return a hash of the body and the fields of a build, which the names of poses do not change.
+
+    Raises:
+        OSError: A file is missing.
+        StorageError: The build has no simulated poses.
+    """
+    files = [field_path(build.folder, s.state) for s in build.field_index.states]
+    return digest(build.mesh_record.hash, *files)
 
 
 def layout_digest(build: Build) -> str:

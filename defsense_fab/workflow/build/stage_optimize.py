@@ -32,7 +32,6 @@ from ...optimization.refinement.refine import (
     improve_layout,
     require_drawing,
 )
-from ...optimization.refinement.repair import repair_layout
 from ...optimization.studies.risks import check_cord_count, find_risks
 from ...sensing.built_cord import BuiltCord
 from ...sensing.response import mean_strain, segment_strain_range
@@ -51,6 +50,7 @@ from ...store.layout import (
 )
 from ..design.session_shares import session_shares
 from .continued_layout import EarlierLayout
+from .drawing_repair import describe_repairs, repair_drawing
 from .layout_searches import MapTasks, Search, SearchObserver, SearchRunner
 from .pose_forces import pose_forces
 from .search_plan import default_searches, is_searched, search_alternatives, search_more
@@ -104,7 +104,8 @@ def run(
     observer = SearchObserver(build.folder, watch)
     use_plain_fields(build)
     task = load_task(device, build)
-    device, repaired = _repair_drawing(device, task, report)
+    drawn = device.sensors
+    device, repairs = repair_drawing(device, task, report)
 
     def choose(
         task: DesignTask, found: Sequence[OptimizedLayout]
@@ -140,7 +141,9 @@ def run(
         build.forces = pose_forces(device, build.quadratic_mesh, build.plain_fields)
     save_forces(build.folder, build.forces)
     record = _layout_record(device, build, task, chosen, trials)
-    warnings = (*record.warnings, *stiffness, *repaired)
+    if repairs and not device.propose:
+        record = replace(record, drawn=_paths(drawn), repaired=tuple(repairs))
+    warnings = (*record.warnings, *stiffness, *describe_repairs(device, repairs, how))
     build.layout = replace(record, continued=how, warnings=warnings)
     build.prediction = PredictionRecord(
         task.points,
@@ -157,34 +160,6 @@ def run(
     if chosen.part_set is None or chosen.relief is None:
         return None
     return Winner(chosen.relief.device, chosen.relief.notes, chosen.part_set, task)
-
-
-def _repair_drawing(
-    device: Device, task: DesignTask, report: Report
-) -> tuple[Device, tuple[str, ...]]:
-    """Repair drawn cords that break a limit and whose paths are free.
-
-    Returns:
-        The device with the repaired cords, which a search can start from, and a sentence on each.
-
-    Raises:
-        LayoutError: A limit stays broken, or the cord that breaks it may not move.
-    """
-    problem = task.design
-    if not verify(device.sensors, problem.surface, problem.limits).violations:
-        return device, ()
-    report(0.0, f"repairing {device.cord.noun}s that break a limit")
-    movable = [s.name for s in device.sensors if "path" in s.free]
-    found = repair_layout(
-        device.sensors, problem.surface, problem.limits, names=movable, depth=problem.depth
-    )
-    require_drawing(problem, found.sensors)
-    notes = tuple(
-        f"The drawn {device.cord.noun} {name!r} broke a limit: the search started from a path up to"
-        f" {move:.2f} mm from it."
-        for name, move in found.moves.items()
-    )
-    return replace(device, sensors=found.sensors), notes
 
 
 def _stiffen(
@@ -346,12 +321,16 @@ def _layout_record(
         cross_validated={k: left_out_error(t, final.cords) for k, t in decoded.items()},
         band=predict_built_devices(device, task, final.cords, session_shares(device, task.weights)),
         initial=initial.prediction,
-        drawn=tuple(sample_path(s) for s in layout.initial),
+        drawn=_paths(layout.initial),
         proposed=device.propose > 0,
         starts=tuple(layout.starts),
         seed=device.seed,
         warned_cords={**{str(r): r.where for r in risks if r.where}, **uncalibrated},
     )
+
+
+def _paths(sensors: Sequence[Sensor]) -> tuple[Float, ...]:
+    return tuple(sample_path(s) for s in sensors)
 
 
 def _weighed_record(trial: Trial, chosen: bool) -> WeighedRecord:

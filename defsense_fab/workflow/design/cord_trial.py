@@ -29,6 +29,8 @@ from ...store.build import Build
 from ...store.layout import BandRecord, CordPath
 from .session_shares import session_shares
 
+_TOLERANCE_MM = 1e-3  # by which a path may leave the body
+
 
 @dataclass(frozen=True)
 class TrialProblem:
@@ -53,7 +55,8 @@ class CordTrial:
 
     Attributes:
         sensors: The cords.
-        drawn_error: RMSE (mm) on unseen states as drawn, with the ends that a search assumes.
+        drawn_error: RMSE (mm) on unseen states as drawn, with the ends that a search assumes; NaN
+            if a cord leaves the body.
         error: RMSE (mm) on unseen states in the parts, with their grooves, pockets and strain
             relief; None if the parts cannot be made.
         parts: Number of parts; None if they cannot be made.
@@ -98,7 +101,7 @@ class TrialBench:
             sensors: The cords.
 
         Raises:
-            LayoutError: No error can be predicted, as for cords outside the body.
+            LayoutError: The predicted error is not finite.
         """
         return self._make(sensors)[0]
 
@@ -112,7 +115,7 @@ class TrialBench:
             on_made: Called with the result without these errors, as soon as it is known.
 
         Raises:
-            LayoutError: No error can be predicted, as for cords outside the body.
+            LayoutError: The predicted error is not finite.
         """
         made, trial, task = self._make(sensors)
         on_made(made)
@@ -132,9 +135,15 @@ class TrialBench:
         failure = trial.failure or self._later_failure(trial)
         made = CordTrial(tuple(sensors), error)
         if failure is not None:
+            if self._leave_body(cords):
+                made = replace(made, drawn_error=float("nan"))
             return replace(made, problem=_describe(failure, cords)), trial, task
         made = replace(made, error=trial.built, parts=trial.parts, warnings=trial.warnings)
         return made, trial, task
+
+    def _leave_body(self, sensors: Sequence[Sensor]) -> bool:
+        depth = self._tasks[0].everything.depth(np.concatenate([sample_path(s) for s in sensors]))
+        return bool(depth.min() < -_TOLERANCE_MM)
 
     def _later_failure(self, trial: Trial) -> FabricationError | None:
         """Return the error of a check that a build makes after it has chosen a layout."""

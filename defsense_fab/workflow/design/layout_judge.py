@@ -24,6 +24,7 @@ from ...optimization.search.plane_directions import face_directions
 from ...optimization.search.starting_layouts import LayoutSearch
 from ...store.build import Build
 
+CANCELLED = "cancelled"  #: Code of an error of `report` that ends a search.
 _STRAIGHT_END_MM = 8.0  # of a new path
 _INNER_POINTS = 4  # control points between the straight ends
 _SLOW_DECODER = "kernel"
@@ -125,7 +126,7 @@ class LayoutJudge:
             The expected performance, or None without cords.
 
         Raises:
-            LayoutError: If no error can be predicted, as for cords outside the body.
+            LayoutError: If the predicted error is not finite.
         """
         if not sensors:
             return None
@@ -186,7 +187,8 @@ class LayoutJudge:
         Args:
             name: Name of the new cord.
             sensors: Cords that stay.
-            report: Called with the progress; what it raises ends the search.
+            report: Called with the progress; what it raises, with the code "cancelled" if it is a
+                LayoutError, ends the search.
 
         Raises:
             LayoutError: If the body has no room for another cord.
@@ -205,8 +207,8 @@ class LayoutJudge:
                     name=name,
                     free=frozenset({"path", "plane"}),
                 )
-            except LayoutError:
-                if k == 0:
+            except LayoutError as error:
+                if k == 0 or error.code == CANCELLED:
                     raise
 
     def _propose(

@@ -158,6 +158,8 @@ def prepare_run(
         actions = panel_actions(decoder, animations, folder)
         if twin is not None:
             actions.bend, actions.poses = twin.cords.bend, twin.cords.poses
+            if solver is not None and live.rest is not None:
+                actions.shape = twin.shape_of(live.rest.vertices)
         if view is not None:
             page = LiveView(_viewed_device(live), actions, view)
             undo.callback(page.close)

@@ -81,6 +81,53 @@ def test_tangents_that_follow_from_the_points_keep_following(bar):
     np.testing.assert_allclose(found.tangents, catmull_rom(found.points), atol=2e-3)
 
 
+def test_smooth_cords_stay_smooth_in_the_file(bar):
+    rng = np.random.default_rng(3)
+    for _ in range(12):
+        points = np.round(cord(y=8.0).curve.points + rng.normal(0, 3, (len(X), 2)), 3)
+        drawn = replace(cord(), curve=Hermite(points, catmull_rom(points)))
+        found = repair_layout([drawn], bar, LIMITS).sensors[0].curve
+        assert np.array_equal(found.points, np.round(found.points, 3))
+        assert np.array_equal(found.tangents, catmull_rom(found.points))
+
+
+def test_only_what_a_search_may_move_is_moved(bar):
+    bent = cord(moves=[(3, 0, 9), (4, -22, 2)])
+    assert codes(bar, bent)
+    (found,) = repair_layout([bent], bar, LIMITS, keeps_freedoms=True).sensors
+    assert not codes(bar, found)
+    assert found.plane is bent.plane
+    np.testing.assert_allclose(found.curve.points[[0, -1]], bent.curve.points[[0, -1]], atol=1e-4)
+    above = cord(z=17.0)
+    assert repair_layout([above], bar, LIMITS, keeps_freedoms=True).unrepaired == ("a",)
+    assert not repair_layout([above], bar, LIMITS).unrepaired
+
+
+@pytest.mark.parametrize("freedom", ["plane", "offset"])
+def test_a_free_plane_is_moved_in_a_repair(bar, freedom):
+    plane = Plane.from_normal(np.array([0, 0, 13.5]), np.array([0, 0.01, 1]), np.eye(3)[0])
+    low = replace(cord(), plane=plane, free=frozenset({"path", freedom}))
+    assert codes(bar, low)
+    (found,) = repair_layout([low], bar, LIMITS, keeps_freedoms=True).sensors
+    assert not codes(bar, found)
+    assert found.plane.origin[2] < 13.5
+    if freedom == "offset":
+        np.testing.assert_allclose(found.plane.normal, plane.normal, atol=1e-9)
+
+
+def test_pads_of_cords_that_stay_do_not_prevent_a_repair(bar):
+    def trace(name, y, z):
+        points = np.stack([X, np.full(len(X), y), np.full(len(X), z)], axis=1)
+        return Sensor(name, REST_FRAME, Hermite(points, catmull_rom(points)), frozenset())
+
+    limits = replace(LIMITS, pad=(4.0, 3.0), is_cut=False)
+    layout = [trace("a", 1.0, 0.0), trace("b", -3.0, 0.0), trace("c", 0.0, 14.5)]
+    found = repair_layout(layout, bar, limits, names=["c"])
+    assert "pad-too-close" in [v.code for v in found.check.violations]
+    assert set(found.moves) == {"c"}
+    assert not found.unrepaired
+
+
 def test_a_path_in_space_is_repaired(bar):
     points = np.stack([X, 13 * np.sin(X / 25), 13 * np.cos(X / 25)], axis=1)
     broken = Sensor("a", REST_FRAME, Hermite(points, catmull_rom(points)), frozenset({"path"}))

@@ -15,6 +15,7 @@ from defsense_fab.training.options import TrainOptions
 from defsense_fab.training.regression.intervals import fit_trained_range
 from tests.support.errors import raises
 from tests.training.conftest import recorded as recorded_fixture
+from tests.training.conftest import relaxed
 
 pytestmark = pytest.mark.slow
 
@@ -178,6 +179,21 @@ def test_new_rest_is_not_a_movement_for_a_model_with_memory(model):
     stream.change_rest(before / after)
     now, c = before / after - 1, 9
     assert stream.inputs(4.0, now)[:c] == pytest.approx(other.inputs(4.0, now)[:c], abs=1e-9)
+
+
+def test_a_memory_of_movement_is_not_followed_as_drift(recorded):
+    """Cords that tear and heal lie at rest for half a minute, after a minute of movement."""
+    tear, healing_s = 0.3, 3.0  # as in the training
+    model = train(recorded(240, tear=tear), TrainOptions(decoder="quadratic")).model
+    assert model.main.past.count
+    run = recorded(90, seed=5, noise=0.0).recordings[0]
+    ideal = run.signals * np.clip(60.0 - run.sample_time, 0.0, 1.0)[:, None]
+    torn = relaxed(run.sample_time, ideal, tear, healing_s)
+    noise = 5e-4 * np.random.default_rng(3).normal(size=torn.shape)
+    frames = play(LiveDecoder(model, run.rest), replace(run, ohm=run.rest * (1 + torn + noise)))
+    last = np.array([frame.markers for frame in frames if frame.time > 85])
+    offsets = np.linalg.norm(last - model.rest_points, axis=2)
+    assert offsets.mean() < 1.3  # mm; 2.1 with signals of zero at rest
 
 
 def test_swap_is_reported_while_it_lasts_with_memory(model, recorded, run):

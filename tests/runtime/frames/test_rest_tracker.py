@@ -92,6 +92,27 @@ def test_first_rest_of_the_training_is_removed_from_the_start():
     assert rest.ohms == pytest.approx(R0, rel=1e-3)
 
 
+def test_signals_that_cords_remember_are_no_drift():
+    remembered = 0.1 * SPAN
+    tracker = RestTracker(SPAN, R0, rest_signals=lambda: remembered)
+    _, t = feed(tracker, 4, lambda t: 0.8 * SPAN * np.sin(2 * t), 0.0)
+    rest, t = feed(tracker, 40, lambda t: remembered, t)
+    assert rest.ohms == pytest.approx(R0, rel=1e-3)
+    tracker.set_now()
+    assert tracker.rest.ohms == pytest.approx(R0, rel=2e-3)
+    drift = 0.1 * SPAN
+    rest, _ = feed(tracker, 60, lambda t: (1 + remembered) * (1 + drift) - 1, t)
+    assert rest.ohms == pytest.approx(R0 * (1 + drift), rel=5e-3)
+
+
+def test_rest_that_a_decoder_does_not_know_is_not_followed():
+    tracker = RestTracker(SPAN, R0, rest_signals=lambda: np.full(2, np.nan))
+    _, t = feed(tracker, 4, lambda t: 0.8 * SPAN * np.sin(2 * t), 0.0)
+    rest, _ = feed(tracker, 40, lambda t: 0.1 * SPAN, t)
+    assert rest.ohms == pytest.approx(R0, rel=1e-3)
+    assert not rest.is_resting
+
+
 def test_short_pause_near_rest_has_little_weight():
     """Pause two seconds near the rest, then rest for ten."""
     tracker = RestTracker(SPAN, first_rest_signals=np.zeros(2))

@@ -149,6 +149,14 @@ def test_cords_follow_the_surface(place):
     assert moved - rest == pytest.approx(np.tile([1, 2, 3], (8, 1)), abs=1e-6)
 
 
+def test_frames_of_a_simulated_device_contain_its_true_shape(place):
+    from defsense_fab.runtime.view.live_arrays import FrameArrays
+
+    arrays = FrameArrays(DEVICE, lambda: CORNERS + 1.0)
+    assert "trueVertices" not in arrays.of(frame()).arrays
+    assert (arrays.of(frame(vertices=CORNERS)).arrays["trueVertices"] == CORNERS + 1.0).all()
+
+
 def test_failed_frames_name_the_cord_and_have_no_radius(place):
     from defsense_fab.runtime.view.live_arrays import frame_facts
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ from defsense_fab.core.curve import Hermite, catmull_rom
 from defsense_fab.core.errors import LayoutError, StorageError
 from defsense_fab.report.surface_errors import surface_errors
 from defsense_fab.store.build import Build
+from defsense_fab.store.fields import field_path, load_index
 from defsense_fab.studio.background.build_job import CandidateLayout
 from defsense_fab.studio.messages import optimize as messages
 from defsense_fab.studio.steps.optimize.layout_rows import earlier_layouts
@@ -116,6 +118,30 @@ def test_the_best_layout_of_a_search_is_published_used_and_undone(app):
         np.testing.assert_allclose(a.curve.points, b.curve.points, atol=1e-3)
     session.project.undo()
     assert session.project.text == text
+
+
+def test_the_best_layout_is_made_in_the_body_it_was_found_for(app):
+    step = optimize_step(app)
+    session, sensors = step.session, step.session.device.sensors
+    for callback in session.on_build_started:
+        callback()
+    working = session.project.folder / ".build-next"
+    for callback in session.on_layout_found:
+        callback(CandidateLayout(working, sensors, 1.0, True, 1.0))
+    step.on_build_loaded()
+    optimize_step(app)
+    working.mkdir()  # another build has started
+    app.browser.ask("use-best")
+    index = load_index(session.project.folder / "build")
+    one, other, *_ = (
+        field_path(session.project.folder / "build", state.state) for state in index.states
+    )
+    shutil.copy2(other, one)
+    with raises(LayoutError, "build-outdated"):
+        app.browser.ask("use-best")
+    shutil.rmtree(session.project.folder / "build")
+    with raises(LayoutError, "build-outdated"):
+        app.browser.ask("use-best")
 
 
 def test_the_drawn_cords_are_a_row_with_numbers(app):

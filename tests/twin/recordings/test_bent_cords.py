@@ -82,6 +82,14 @@ def test_cords_go_on_from_where_the_session_left_them(cords):
     assert hold(cords, 10.02) == pytest.approx(REST, rel=1e-3)
 
 
+def test_levels_are_those_of_the_session_or_of_the_hand(cords):
+    cords.sample(10.0, 0.01)
+    assert cords.levels == pytest.approx([9 / 19, 0, 0], abs=2e-3)
+    cords.bend({"twist": 0.5})
+    hold(cords, 10.01)
+    assert cords.levels == pytest.approx([0, 0.5, 0], abs=1e-3)
+
+
 def test_cords_remember_how_they_were_bent():
     cords = make_cords(MemoryTraits())
     hold(cords, 0.0, 0.9)

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from defsense_fab.core.curve import sample_path
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DeviceError, LayoutError
 from defsense_fab.geometry.printing.export import write_stl
@@ -125,12 +126,23 @@ def test_a_drawn_cord_outside_a_limit_is_repaired_first(folder, options):
     outside_by(folder, 0.01)
     layout, _ = optimize(folder, **options)
     assert any("left" in warning for warning in layout.warnings)
+    drawn = load_device(folder).sensors[0]
+    np.testing.assert_allclose(layout.drawn[0], sample_path(drawn), atol=1e-9)
+    assert layout.repaired == ("left",)
+    assert layout.initial_label == "as drawn, repaired"
     assert all(cord.min_wall >= layout.limits.wall - 0.01 for cord in layout.sensors)
 
 
 def test_a_locked_cord_outside_a_limit_is_refused(folder):
     outside_by(folder, 0.01)
     edit(folder, 'free = ["path", "plane"]', "free = []")
+    with raises(LayoutError, "wall-too-thin", cord="left"):
+        optimize(folder)
+
+
+def test_the_plane_of_a_cord_whose_path_alone_is_free_stays(folder):
+    outside_by(folder, 0.01)
+    edit(folder, 'free = ["path", "plane"]', 'free = ["path"]')
     with raises(LayoutError, "wall-too-thin", cord="left"):
         optimize(folder)
 

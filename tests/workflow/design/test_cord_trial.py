@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.errors import LayoutError
 from defsense_fab.optimization.prediction.as_built import fabricate, score_channels
 from defsense_fab.store.build import Build
 from defsense_fab.workflow.design.compare_layouts import tried_as
 from defsense_fab.workflow.design.cord_trial import TrialBench
 from defsense_fab.workflow.design.layout_judge import LayoutJudge
 from tests.runtime.live.conftest import live_bar as live_bar_fixture
+from tests.support.errors import raises
 from tests.support.unmakeable_cord import unmakeable_cord
 from tests.twin.conftest import small_bar as small_bar_fixture
 
@@ -58,15 +60,28 @@ def test_the_error_in_the_parts_is_that_of_a_build(device, build):
     judge = LayoutJudge(device, build)
     judged = judge.judge(cords)
     assert trial.drawn_error == pytest.approx(judged.error)
-    straight = replace(device, fabrication=replace(device.fabrication, strain_relief=False))
-    parts = {
-        relief: fabricate(d, build.surface, cords, lambda *_: None, bay=build.body.bay)
-        for relief, d in ((True, device), (False, straight))
-    }
-    task = judge.task.with_decoder(judged.decoder)
-    errors = [score_channels(task, p.channels).prediction.unseen for p in parts.values()]
-    assert any(trial.error == pytest.approx(error) for error in errors)
-    assert trial.parts == len(parts[True].parts)
+    task, errors = judge.task.with_decoder(judged.decoder), []
+    for relief in (True, False):
+        decided = replace(device, fabrication=replace(device.fabrication, strain_relief=relief))
+        parts = fabricate(decided, build.surface, cords, lambda *_: None, bay=build.body.bay)
+        errors.append(score_channels(task, parts.channels).prediction.unseen)
+        made = TrialBench(decided, build).make(cords)
+        assert made.error == pytest.approx(errors[-1])
+        assert made.parts == len(parts.parts)
+    with_bends, without = errors
+    assert with_bends != pytest.approx(without)
+    assert trial.error == pytest.approx(with_bends)  # which cost little in this device
+
+
+def test_a_cord_outside_the_body_has_no_error(device, build):
+    left = device.sensors[0]
+    away = replace(left.plane, origin=left.plane.origin + np.array([0, 0, 500.0]))
+    cords = (replace(left, plane=away), *device.sensors[1:])
+    trial = TrialBench(device, build).make(cords)
+    assert trial.problem.code == "path-leaves-body"
+    assert trial.error is None
+    assert np.isnan(trial.drawn_error)
+    assert np.isnan(tried_as("outside", trial).error)
 
 
 def test_later_proposals_differ_from_the_first_one(device, build):
@@ -75,3 +90,17 @@ def test_later_proposals_differ_from_the_first_one(device, build):
     first, second = next(proposals), next(proposals)
     assert first.name == second.name == "new"
     assert not np.array_equal(first.curve.points, second.curve.points)
+
+
+def test_a_later_proposal_can_be_cancelled(device, build):
+    judge, is_cancelled = LayoutJudge(device, build), False
+
+    def report(share, message):
+        if is_cancelled:
+            raise LayoutError("the page was closed", code="cancelled")
+
+    proposals = judge.proposals("new", device.sensors[:1], report)
+    next(proposals)
+    is_cancelled = True
+    with raises(LayoutError, "cancelled"):
+        next(proposals)

@@ -45,7 +45,7 @@ _MOULDS = ("mould_wall", "shrinkage")
 #: Fields whose name alone is not clear on a page.
 _LABELS = {
     "body.time_limit": "Time limit of the body",
-    "body.scale": "Scale of the file",
+    "body.scale": "Scale",
     "mesh.time_limit": "Time limit of the mesh",
     "design.prefer": "Preferred layouts",
     "design.planes": "Largest number of planes",

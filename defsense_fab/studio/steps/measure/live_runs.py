@@ -121,12 +121,11 @@ class LiveRuns:
         self._on_end()
 
     def _start(self, options: LiveOptions, stop: threading.Event) -> LiveRun:
-        def progress(stage: str, share: float, message: str) -> None:
+        def progress(_: str, share: float, message: str) -> None:
             if stop.is_set():
                 raise _StoppedError
-            self._board.show(
-                "live", f"Preparing ({stage}, {share:.0%}): {message}", state="running"
-            )
+            if share < 1:
+                self._board.show("live", f"Preparing: {message} ({share:.0%})", state="running")
 
         progress("live", 0.0, "reading the model and the build")
         run = prepare_run(

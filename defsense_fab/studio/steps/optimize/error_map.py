@@ -34,10 +34,11 @@ class ErrorMap:
             self.build, self._errors = build, None
         try:
             prediction = build.layout.prediction
+            present = _present_names(build)
         except (DefsenseError, OSError):
             return ErrorStates(states=[])
         states = [
-            MappedState(name=name, expected=error, is_held_out=is_held_out)
+            MappedState(name=present.get(name, name), expected=error, is_held_out=is_held_out)
             for errors, is_held_out in ((prediction.per_state, False), (prediction.held_out, True))
             for name, error in errors.items()
             if name != "rest"
@@ -83,3 +84,11 @@ class ErrorMap:
             if self._errors is None:
                 self._errors = surface_errors(self.build)
             return self._errors
+
+
+def _present_names(build: Build) -> dict[str, str]:
+    """Return the names of states, whose poses may be renamed, by those in the layout."""
+    former, present = build.prediction.states[1:], build.fields.names
+    if len(former) != len(present):
+        return {}  # they are states of other poses
+    return dict(zip(former, present, strict=True))

@@ -10,8 +10,8 @@ import numpy as np
 
 from ....core.arrays import Float
 from ....core.device.device import Device, Sensor
-from ....core.errors import DefsenseError
-from ....workflow.build.results import Build, last_build
+from ....core.errors import DefsenseError, LayoutError
+from ....workflow.build.results import Build, last_build, simulation_digest
 from ....workflow.design.cord_trial import CordTrial, TrialBench
 from ....workflow.design.layout_judge import JudgedLayout, LayoutJudge
 from ...background.build_job import CandidateLayout
@@ -79,33 +79,55 @@ class SearchRun:
         record: Results of the search.
         judge: Predicts the errors, once it is loaded.
         drawn: Prediction for the drawn cords.
+        simulation: Digest of the simulated poses that the judge predicts by.
     """
 
     device: Device
     record: SearchRecord = field(default_factory=SearchRecord)
     judge: LayoutJudge | None = None
     drawn: JudgedLayout | None = None
+    simulation: str = ""
 
     def load(self, candidate: CandidateLayout) -> LayoutJudge:
         """Return the judge of this build's poses, which may be newer than those of the page."""
         if self.judge is None:
-            self.judge = LayoutJudge(self.device, self._build(candidate))
+            folder = candidate.folder
+            build = Build(folder) if folder.exists() else last_build(self.device)
+            self.simulation = simulation_digest(build)
+            self.judge = LayoutJudge(self.device, build)
             self.drawn = judge_candidate(self.judge, self.device.sensors)
         return self.judge
 
     def make_best(self) -> list[CordTrial]:
-        """Make the best layouts on trial until one can be made; return all trials."""
+        """Make the best layouts on trial until one can be made; return all trials.
+
+        Raises:
+            LayoutError: The simulation that the search used is gone.
+        """
         trials: list[CordTrial] = []
-        for candidate in list(self.record.bests):
-            bench = TrialBench(self.device, self._build(candidate))
+        candidates = list(self.record.bests)
+        if not candidates:
+            return trials
+        bench = self._bench(candidates[0])
+        for candidate in candidates:
             trials.append(bench.make(candidate.sensors))
             if trials[-1].problem is None:
                 break
         return trials
 
-    def _build(self, candidate: CandidateLayout) -> Build:
-        folder = candidate.folder
-        return Build(folder) if folder.exists() else last_build(self.device)
+    def _bench(self, candidate: CandidateLayout) -> TrialBench:
+        """Return a bench in the body of the search; other builds use its folder, too."""
+        for build in (Build(candidate.folder), last_build(self.device)):
+            try:
+                if simulation_digest(build) == self.simulation:
+                    return TrialBench(self.device, build)
+            except (DefsenseError, OSError):
+                continue  # a build replaces it
+        raise LayoutError(
+            "the body and the poses that these cords were found for are no longer there",
+            code="build-outdated",
+            action="Optimize the cords again",
+        )
 
 
 def judge_candidate(judge: LayoutJudge, sensors: Sequence[Sensor]) -> JudgedLayout | None:

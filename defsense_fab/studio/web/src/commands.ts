@@ -99,6 +99,8 @@ const OPERATING_KEYS = new Set([" ", "Enter", "Home", "End", "PageUp", "PageDown
 function needsKey(target: Element, key: string): boolean {
   if (target.matches("textarea, select, [contenteditable]")) return true;
   if (target instanceof HTMLInputElement && !KEYLESS_INPUTS.has(target.type)) return true;
+  // A number that is typed on a slider is meant for its field.
+  if (/^[\d.,-]$/.test(key) && target.matches("input[type=range]")) return true;
   const isOperating = OPERATING_KEYS.has(key) || key.startsWith("Arrow");
   return isOperating && target.matches("input, button, a[href], summary, [role=treeitem]");
 }

@@ -3,9 +3,11 @@ import { effect, signal } from "@preact/signals";
 import { connection } from "../state/connection";
 import { run } from "../state/run";
 import { Checkbox } from "../ui/choices";
-import { liveDevice } from "./live-state";
+import { isTruthShown, liveDevice } from "./live-state";
 
 const SEND_MS = 50;
+/** Poses that are bent together share the range in which the device is trained. */
+const MAX_TOTAL = 1;
 
 // The view may be closed and opened again while the device stays bent.
 const isAutomatic = signal(true);
@@ -26,7 +28,11 @@ function send(): void {
 
 function bend(name: string, level: number): void {
   isAutomatic.value = false;
-  levels.value = { ...levels.peek(), [name]: level };
+  const { [name]: _, ...others } = levels.peek();
+  const total = Object.values(others).reduce((sum, other) => sum + other, 0);
+  const share = Math.min(1, (MAX_TOTAL - level) / (total || 1));
+  const kept = Object.entries(others).map(([other, value]) => [other, share * value]);
+  levels.value = { ...Object.fromEntries(kept), [name]: level };
   timer ??= setTimeout(send, SEND_MS);
 }
 
@@ -34,6 +40,7 @@ export function BendControls({ poses }: { poses: readonly string[] }) {
   return (
     <section class="bend-controls" aria-label="Bend the twin">
       <h3>Bend the twin</h3>
+      <p class="field-help">The sliders bend the simulated device; the shape is decoded from its readings.</p>
       <Checkbox
         label="Let it move automatically"
         isOn={isAutomatic.value}
@@ -42,6 +49,11 @@ export function BendControls({ poses }: { poses: readonly string[] }) {
           levels.value = {};
           send();
         }}
+      />
+      <Checkbox
+        label="Show the true shape"
+        isOn={isTruthShown.value}
+        onChange={(isOn) => (isTruthShown.value = isOn)}
       />
       {poses.map((name) => {
         const level = levels.value[name] ?? 0;

@@ -11,6 +11,8 @@ export interface Frame {
   radius: NumberArray;
   /** Surface vertices (v, 3), mm; null if only markers are known. */
   vertices: NumberArray | null;
+  /** Those of the simulated device (v, 3), mm; null for a real one. */
+  trueVertices: NumberArray | null;
   /** Points (p, 3) of all cords, mm, in a row; null without a surface. */
   cords: NumberArray | null;
   /** Markers as cameras see them (n, 3), mm; null without cameras. */
@@ -24,6 +26,7 @@ export function readFrame({ arrays, facts }: ArrayMessage): Frame {
     markers: arrays.markers!,
     radius: arrays.radius!,
     vertices: arrays.vertices ?? null,
+    trueVertices: arrays.trueVertices ?? null,
     cords: arrays.cords ?? null,
     tracks: arrays.tracks ?? null,
   };

@@ -2,13 +2,17 @@
 import { Box3, Vector3 } from "three";
 import type { ArrayMessage, NumberArray } from "../protocol/connection";
 import type { LiveDevice } from "../protocol/messages";
+import { BodyLayer } from "../scene/body-layer";
 import { isDark, onThemeChange } from "../scene/theme";
 import { Viewer } from "../scene/viewer";
 import { cordColor, markerColor } from "./colors";
 import type { Frame } from "./frame";
+import { isTruthShown } from "./live-state";
 import { MarkerLayer } from "./marker-layer";
 
 const BODY_OPACITY = 0.5;
+/** Color of the true shape, also in the legend. */
+const TRUE_COLOR = "#e66101";
 const MARKER_SIZE = 0.006; // radius, of the body's diagonal
 const DEFAULT_SIZE_MM = 100; // of devices without a surface
 const TRACK_COLOR_LIGHT = [20, 20, 20] as const;
@@ -18,7 +22,8 @@ export class LiveScene {
   private readonly viewer: Viewer;
   private readonly markers = new MarkerLayer("disc");
   private readonly tracks = new MarkerLayer("diamond");
-  private readonly stopTheme: () => void;
+  private readonly trueBody: BodyLayer;
+  private readonly stops: (() => void)[];
   private device: LiveDevice | null = null;
   private counts: NumberArray = new Uint32Array();
   private rest: NumberArray = new Float32Array();
@@ -36,10 +41,20 @@ export class LiveScene {
     this.viewer.body.setOpacity(BODY_OPACITY);
     this.viewer.body.setGrid(true);
     this.viewer.onNextFrame(() => this.showFrame());
-    this.stopTheme = onThemeChange(() => {
-      this.isDark = isDark();
-      if (this.frame) this.show(this.frame);
-    });
+    const invalidate = () => this.viewer.invalidate();
+    this.trueBody = new BodyLayer(invalidate, invalidate);
+    this.trueBody.setLinesOnly();
+    this.viewer.scene.add(this.trueBody.object);
+    this.stops = [
+      onThemeChange(() => {
+        this.isDark = isDark();
+        if (this.frame) this.show(this.frame);
+      }),
+      this.viewer.onTheme((colors) =>
+        this.trueBody.setTheme({ ...colors, body: TRUE_COLOR, edge: TRUE_COLOR }),
+      ),
+      isTruthShown.subscribe(() => this.frame && this.show(this.frame)),
+    ];
   }
 
   setDevice(device: LiveDevice): void {
@@ -52,6 +67,8 @@ export class LiveScene {
     let size = DEFAULT_SIZE_MM;
     if (arrays.vertices) {
       this.viewer.body.set(arrays);
+      this.trueBody.set(arrays);
+      this.trueBody.setVisible(false);
       size = this.viewer.body.box.getSize(new Vector3()).length();
       this.hasBounds = true;
     }
@@ -74,7 +91,8 @@ export class LiveScene {
   }
 
   dispose(): void {
-    this.stopTheme();
+    for (const stop of this.stops) stop();
+    this.trueBody.dispose();
     this.markers.dispose();
     this.tracks.dispose();
     this.viewer.dispose();
@@ -85,6 +103,9 @@ export class LiveScene {
     if (!device || !frame || !this.isFrameNew) return;
     this.isFrameNew = false;
     if (frame.vertices && !this.viewer.body.isEmpty) this.viewer.body.deform(frame.vertices);
+    const truth = isTruthShown.peek() ? frame.trueVertices : null;
+    if (truth && !this.trueBody.isEmpty) this.trueBody.deform(truth);
+    this.trueBody.setVisible(truth !== null);
     this.moveCords(frame.cords ?? this.rest, frame.signals);
     this.markers.set(frame.markers, (k) => markerColor(frame.radius[k]!, device.markerRadius));
     const trackColor = this.isDark ? TRACK_COLOR_DARK : TRACK_COLOR_LIGHT;

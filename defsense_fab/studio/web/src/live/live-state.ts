@@ -11,6 +11,9 @@ export const liveNotes = connection.event("live-notes");
 /** The newest frame, for texts; it is replaced a few times a second. */
 export const shownFrame = signal<Frame | null>(null);
 
+/** Whether the true shape of a simulated device is shown, too. */
+export const isTruthShown = signal(true);
+
 const TEXT_INTERVAL_MS = 200;
 
 /** Receive frames while a component is mounted, also after the connection was lost. */

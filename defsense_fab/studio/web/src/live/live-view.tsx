@@ -10,7 +10,7 @@ import { BendControls } from "./bend-controls";
 import { ControlList } from "./control-list";
 import "./live.css";
 import { LiveScene } from "./live-scene";
-import { liveDevice, liveNotes, shownFrame, useFrames } from "./live-state";
+import { isTruthShown, liveDevice, liveNotes, shownFrame, useFrames } from "./live-state";
 import { QualityBadge } from "./quality-badge";
 import { RestMessage, takeRest } from "./rest-message";
 import { SignalHistory, SignalPlot } from "./signal-plot";
@@ -181,6 +181,12 @@ function CordLegend() {
       <span class="marker-words">Sure</span>
       <i class="marker-scale" />
       <span>unsure marker</span>
+      {isTruthShown.value && shownFrame.value?.trueVertices && (
+        <>
+          <i class="true-scale" />
+          <span>true shape</span>
+        </>
+      )}
     </div>
   );
 }

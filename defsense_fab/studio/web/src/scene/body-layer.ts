@@ -149,6 +149,16 @@ export class BodyLayer {
     this.onChange();
   }
 
+  /** Show only its lines, in front of other bodies. */
+  setLinesOnly(): void {
+    this.setGrid(true);
+    this.material.defines["HAS_ONLY_GRID"] = "";
+    this.material.depthTest = this.material.depthWrite = this.edgeMaterial.depthTest = false;
+    this.material.transparent = true;
+    this.material.stencilWrite = this.depthMesh.visible = false;
+    this.mesh.renderOrder = this.lines.renderOrder = ORDER.edges;
+  }
+
   /** Set the opacity from 0 to 1; at 1 the cords shine through. */
   setOpacity(opacity: number): void {
     this.opacity = opacity;

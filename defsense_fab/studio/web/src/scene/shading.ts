@@ -75,10 +75,14 @@ const BODY_FRAGMENT = /* glsl */ `
   #endif
   void main() {
     vec3 color = isExact ? vColor : lit(vColor, normalize(vNormal));
-    #ifdef HAS_GRID
+    float alpha = opacity;
+    #ifdef HAS_ONLY_GRID
+      alpha *= gridLine();
+      color = vColor;
+    #elif defined(HAS_GRID)
       color *= 1.0 - ${GRID_STRENGTH} * gridLine();
     #endif
-    gl_FragColor = vec4(color, opacity);
+    gl_FragColor = vec4(color, alpha);
     #include <colorspace_fragment>
   }
 `;

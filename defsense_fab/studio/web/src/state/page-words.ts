@@ -90,6 +90,22 @@ export function inPageWords(text: string): string {
   );
 }
 
+const FORMULA = /(?<![\w.*+])\d*\.?\d+\*[^\s+*:]+(?:\+\d*\.?\d+\*[^\s+*:]+)*/g;
+
+/** A text in which mixed states such as "1*twist+0.5*bend" are in words: "twist + 50 % bend". */
+export function stateWords(text: string): string {
+  return text.replace(FORMULA, (formula) =>
+    formula
+      .split("+")
+      .map((term) => {
+        const [weight, pose] = term.split("*");
+        const percent = Math.round(100 * Number(weight));
+        return percent === 100 ? pose : `${percent} % ${pose}`;
+      })
+      .join(" + "),
+  );
+}
+
 const capitalized = (word: string): string => `${word[0]!.toUpperCase()}${word.slice(1)}`;
 
 function isProblem(value: unknown): value is Problem {

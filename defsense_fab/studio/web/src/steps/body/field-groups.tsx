@@ -3,6 +3,7 @@ import { Icon } from "../../ui/icons";
 import { Section } from "../../ui/section";
 import { DeviceFieldRow } from "./device-field";
 import { deviceFields } from "./events";
+import { SCALE } from "./parameter-section";
 
 /** The fields of the device, by table; rare ones under "More". */
 export function FieldGroups() {
@@ -15,7 +16,8 @@ export function FieldGroups() {
   );
 }
 
-function Group({ group: { title, fields, more } }: { group: FieldGroup }) {
+function Group({ group: { title, fields, more: rare } }: { group: FieldGroup }) {
+  const more = rare.filter(({ key }) => key !== SCALE);
   const isRare = fields.length === 0;
   const changed = [...fields, ...more].filter(({ canReset }) => canReset).length;
   const isMoreChanged = more.some(({ canReset }) => canReset);

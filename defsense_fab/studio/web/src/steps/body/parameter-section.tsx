@@ -1,13 +1,20 @@
 import { Icon } from "../../ui/icons";
 import { Section } from "../../ui/section";
-import { bodyParameters } from "./events";
+import { DeviceFieldRow } from "./device-field";
+import { bodyParameters, deviceFields } from "./events";
 import { ParameterField } from "./parameter-field";
 
-/** The parameters of the body's script. */
+/** Key of the field that is the only parameter of a body from a file. */
+export const SCALE = "body.scale";
+
+/** The parameters of the body's script, or the scale of its file. */
 export function ParameterSection() {
   const event = bodyParameters.value;
   if (!event) return null;
   const { file, source, parameters, other, unknown, problem } = event;
+  const scale = deviceFields.value?.groups
+    .flatMap(({ fields, more }) => [...fields, ...more])
+    .find(({ key }) => key === SCALE);
   return (
     <Section title="Parameters" name="body.parameters" aside={<code>{file}</code>}>
       {problem && (
@@ -18,12 +25,9 @@ export function ParameterSection() {
       {parameters.map((parameter) => (
         <ParameterField key={parameter.name} parameter={parameter} />
       ))}
-      {!problem && parameters.length === 0 && (
-        <p class="field-help">
-          {source === "script"
-            ? "The script's function body has no parameters with fields."
-            : "The body is a file: “Scale of the file”, below in “Body file”, changes its size."}
-        </p>
+      {scale && <DeviceFieldRow field={scale} />}
+      {!problem && source === "script" && parameters.length === 0 && (
+        <p class="field-help">The script's function body has no parameters with fields.</p>
       )}
       {other.length > 0 && (
         <p class="field-help">Other parameters, set in device.toml only: {other.join(", ")}.</p>

@@ -26,6 +26,12 @@ export function MakeInspector() {
   );
 }
 
+/** A warning as a sentence, without the coordinates of a place that a button shows. */
+function noteText(text: string, hasPlace: boolean): string {
+  const words = inPageWords(hasPlace ? text.replace(/ near \([^)]*\)/, "") : text);
+  return words.charAt(0).toUpperCase() + words.slice(1);
+}
+
 function PlaceButton({ at, text }: Place) {
   const isShown = place.value?.text === text;
   return (
@@ -55,8 +61,8 @@ function Lists({ shown, isOpen }: { shown: Guide; isOpen: boolean }) {
           <ul class="make-notes">
             {sorted.map(({ text, point }) => (
               <li key={text}>
-                <p>{inPageWords(text)}</p>
-                {point && <PlaceButton at={point} text={text} />}
+                <p>{noteText(text, point !== null)}</p>
+                {point && <PlaceButton at={point} text={noteText(text, true)} />}
               </li>
             ))}
           </ul>

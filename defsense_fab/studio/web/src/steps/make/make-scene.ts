@@ -6,7 +6,6 @@ import type { Label } from "../../scene/label-layer";
 import { areCordsShown, isBodyShown, tool } from "../../scene/stage";
 import type { Viewer } from "../../scene/viewer";
 import { connection } from "../../state/connection";
-import { inPageWords } from "../../state/page-words";
 import { run } from "../../state/run";
 import { clearSelection, hovered, isSame, select } from "../../state/selection";
 import { openContextMenu } from "../../ui/menu";
@@ -141,8 +140,7 @@ export function attachParts(viewer: Viewer): () => void {
 }
 
 function placeLabel({ at, text }: Place): Label {
-  const words = inPageWords(text);
-  const short = words.length > MAX_TEXT ? `${words.slice(0, MAX_TEXT).trimEnd()} ...` : words;
+  const short = text.length > MAX_TEXT ? `${text.slice(0, MAX_TEXT).trimEnd()} ...` : text;
   return { id: "place", text: short, at: [...at], tone: "alarm", priority: 10, onClick: hidePlace };
 }
 

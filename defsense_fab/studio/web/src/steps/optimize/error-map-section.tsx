@@ -1,5 +1,6 @@
 import { Checkbox } from "../../ui/choices";
 import { SelectField } from "../../ui/select-field";
+import { stateWords } from "../../state/page-words";
 import { errorMap } from "./error-map";
 import { errorStates, isMapDeformed, mappedState } from "./state";
 
@@ -20,7 +21,7 @@ export function ErrorMapSection() {
           { value: "", label: "Off" },
           ...states.map(({ name, isHeldOut }) => ({
             value: name,
-            label: isHeldOut ? `${name} (held out)` : name,
+            label: `${stateWords(name)}${isHeldOut ? " (only tested)" : ""}`,
           })),
         ]}
         onCommit={async (value) => void (mappedState.value = value)}

@@ -37,7 +37,7 @@ const RING_POINTS = 72;
 /** Distance of the name of a ring's axis, in radii, and how far it leaves the widest place. */
 const LABEL_REACH = 1.13;
 const LABEL_TURN = 0.15;
-const TITLE_GAP_PX = 8;
+const TITLE_GAP_PX = 22;
 const AXES = ["x", "y", "z"] as const;
 const UNITS = [new Vector3(1, 0, 0), new Vector3(0, 1, 0), new Vector3(0, 0, 1)];
 /** Rings seen flatter than this are turned by the distance on the screen. */

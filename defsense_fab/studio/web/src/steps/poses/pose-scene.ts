@@ -18,8 +18,14 @@ import { verticesInside } from "./region-geometry";
 import { showRegionHandles } from "./region-handles";
 import { chosenGrip, followShownPose, meshedBody, regions, sceneTool, shownPose } from "./state";
 
+/** Margin above and below the body, for the tool bar and for rings at its ends. */
+const MARGIN_PX = 96;
+
 /** Show the step's things in the scene; return a function that removes them. */
 export function showPoses(viewer: Viewer): () => void {
+  const usualMargin = viewer.rig.marginHeight;
+  viewer.rig.marginHeight = MARGIN_PX;
+  viewer.rig.fitAgain();
   const stops = [
     followMesh(),
     showPosedBody(viewer),
@@ -57,6 +63,8 @@ export function showPoses(viewer: Viewer): () => void {
     },
   };
   return () => {
+    viewer.rig.marginHeight = usualMargin;
+    viewer.rig.fitAgain();
     tool.value = null;
     sceneTool.value = "view";
     for (const stop of stops) stop();
