@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...core.arrays import Float
-from ...core.curve import Plane, sample_path
-from ...core.curve import is_smooth as is_smooth
+from ...core.curve import Plane, is_smooth, sample_path
 from ...core.device.device import FREEDOMS, Sensor
 from ...core.errors import LayoutError
 from ..messages.shell import CordState

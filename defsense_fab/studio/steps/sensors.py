@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.curve import Hermite, catmull_rom
+from ...core.curve import Hermite, catmull_rom, is_smooth
 from ...core.device.device import Sensor
 from ...core.errors import DefsenseError, DeviceError, LayoutError
 from ...workflow.build.results import has_parts
@@ -24,7 +24,7 @@ from ..messages import sensors as messages
 from ..session.built_cords import built_cords
 from ..session.computed_edit import apply_computed
 from ..session.cord_check import CordCheck
-from ..session.cord_states import is_smooth, path_points, plane_of, rounded
+from ..session.cord_states import path_points, plane_of, rounded
 from ..session.device_session import DeviceSession
 from ..session.pipeline import LimitState
 from ..session.step import Handler, Step

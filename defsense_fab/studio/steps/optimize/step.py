@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 from ....core.device.device import Sensor
 from ....core.errors import DefsenseError, LayoutError, StorageError
-from ....workflow.build.results import layout_digest
+from ....workflow.build.results import layout_digest, poses_digest
 from ....workflow.design.compare_layouts import (
     ComparedLayout,
     estimate_seconds,
@@ -80,6 +81,7 @@ class OptimizeStep(Step):
         self._map = ErrorMap()
         self._lock = threading.RLock()
         self._digest: str | None = None  # of the layout that is compared
+        self._poses = ""  # digest of those that it was found for
         self._drawn_row: messages.LayoutRow | None = None
         self._best = "", ""  # layout to use, and why there is none
         self._worker = LatestWorker[None](self._publish_layouts, session.show_error)
@@ -189,15 +191,17 @@ class OptimizeStep(Step):
     def _read_build(self, _: None) -> None:
         session = self.session
         device, build = session.device, session.results
-        try:
-            current = layout_digest(build)
-            layouts = [*tried_layouts(build), *studied_layouts(device, build.folder)]
-        except (DefsenseError, OSError):
-            current, layouts = None, []
+        poses, current, layouts = "", None, list[ComparedLayout]()
+        with suppress(DefsenseError, OSError):
+            poses = poses_digest(build)
+            tried = [*tried_layouts(build), *studied_layouts(device, build.folder)]
+            current, layouts = layout_digest(build), tried
         with self._lock:
             if current is None or current != self._digest:
-                self._earlier = [*self._earlier, *self.layouts]
-                self._digest, self.layouts = current, layouts
+                # Errors of other poses, or in another body, are not comparable.
+                is_comparable = poses == self._poses
+                self._earlier = [*self._earlier, *self.layouts] if is_comparable else []
+                self._digest, self._poses, self.layouts = current, poses, layouts
             # else another stage was built: the comparison is still valid
         if build is not self._map.build:
             session.server.publish(self._map.load(build))

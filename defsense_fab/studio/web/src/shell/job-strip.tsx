@@ -2,6 +2,7 @@
 import { effect, signal } from "@preact/signals";
 import { connection, job } from "../state/connection";
 import { isPhone } from "../state/layout";
+import { stateWords } from "../state/page-words";
 import { cancelWork, pageWork } from "../state/page-work";
 import { run } from "../state/run";
 import { screen } from "../state/step";
@@ -76,7 +77,7 @@ function RunningJob() {
     <>
       {isPaused ? <Icon name="pause" /> : <span class="spinner" aria-hidden="true" />}
       <strong>{title}</strong>
-      <span class="job-message">{isPaused ? "paused" : message}</span>
+      <span class="job-message">{isPaused ? "paused" : stateWords(message)}</span>
       <ProgressBar label={title} share={share} />
       <span class="job-percent">{percent} %</span>
       {canPause && (

@@ -169,6 +169,13 @@ function isBestBetter(): boolean {
   return best !== null && (drawn === null || best < drawn);
 }
 
+/** Whether a layout is less accurate in its parts than the drawn cords are in theirs. */
+function isWorseThanDrawn({ error, parts }: LayoutRow): boolean {
+  const drawn = rows.value.find((row) => row.isDrawn);
+  if (!drawn || drawn.parts === null || parts === null) return false;
+  return (error ?? Infinity) > (drawn.error ?? Infinity);
+}
+
 /** One primary button: use what was found, or search. */
 function Actions() {
   const { obstacle = "", standing: code } = standing.value ?? {};
@@ -176,6 +183,7 @@ function Actions() {
   const reason = standing.value?.bestProblem ?? "";
   const isOffered = differs.value && (best !== null || Boolean(reason));
   const hasBest = isBestBetter();
+  const isMain = best !== null && !chosen.value && !isWorseThanDrawn(best);
   if (isSearching.value) {
     return (
       <Button
@@ -194,7 +202,7 @@ function Actions() {
     <div class="actions">
       {isOffered && (
         <Button
-          variant={chosen.value || !best ? "plain" : "primary"}
+          variant={isMain ? "primary" : "plain"}
           disabled={!best}
           hint={best ? useHint(best) : `They cannot be made: ${inPageWords(reason)}`}
           onClick={() => void (best && applyLayout(best.name))}
