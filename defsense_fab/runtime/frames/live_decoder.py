@@ -201,8 +201,13 @@ class LiveDecoder:
         for stream in self._streams.values():
             stream.change_rest(ratio)
 
-    def _rest_signals(self) -> Float:
-        """Return the signals (c,) of the device at rest; NaN of channels that cannot be read."""
+    def _rest_signals(self, is_rest: bool) -> Float:
+        """Return the signals (c,) of the device at rest; NaN of channels that cannot be read.
+
+        Args:
+            is_rest: Whether somebody has said that the device is at rest now: then what the decoder
+                does not see is no memory.
+        """
         model = self.model
         if not model.main.past.count or self._last_inputs is None:
             return np.zeros(len(model.channels))
@@ -210,7 +215,9 @@ class LiveDecoder:
         branch = model.branch(lost)
         signals = np.full(len(model.channels), np.nan)
         if np.isfinite(inputs).all():
-            signals[list(branch.channels)] = rest_signals(branch, inputs, model.rest_points.ravel())
+            rest, present = model.rest_points.ravel(), inputs[: len(branch.channels)]
+            prior = np.zeros(len(present)) if is_rest else present
+            signals[list(branch.channels)] = rest_signals(branch, inputs, rest, prior)
         return np.asarray(model.offset + model.gain * signals)
 
     def _unswap(self, ohms: Float) -> Float:

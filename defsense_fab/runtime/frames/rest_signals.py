@@ -16,21 +16,23 @@ _STEP = 1e-4  # of signals, for slopes
 _DAMPING = 0.1  # of the mean square slope of a signal
 
 
-def rest_signals(branch: Branch, inputs: Float, rest: Float) -> Float:
+def rest_signals(branch: Branch, inputs: Float, rest: Float, prior: Float) -> Float:
     """Return the signals (k,) of a device at rest, of a decoder with the memories of `inputs`.
 
-    The difference to the present signals is a damped Gauss-Newton step to the positions at rest.
-    Signals that hardly change the positions stay as they are.
+    They are a Gauss-Newton step to the positions at rest. Signals that hardly change the positions
+    are those of the prior.
 
     Args:
         branch: The decoder.
         inputs: Its inputs (d,), the k signals first.
         rest: Outputs (o,) at rest.
+        prior: Signals (k,) that are expected without the decoder.
     """
     k = len(branch.channels)
     steps = np.concatenate([np.zeros((1, len(inputs))), _STEP * np.eye(k, len(inputs))])
     outputs = branch.positions(inputs + steps)
     slopes = (outputs[1:] - outputs[0]) / _STEP
     normal = slopes @ slopes.T
-    normal += max(_DAMPING * np.trace(normal) / k, _STEP) * np.eye(k)
-    return np.asarray(inputs[:k] + np.linalg.solve(normal, slopes @ (rest - outputs[0])))
+    damping = max(_DAMPING * np.trace(normal) / k, _STEP)
+    target = normal @ inputs[:k] + slopes @ (rest - outputs[0]) + damping * prior
+    return np.asarray(np.linalg.solve(normal + damping * np.eye(k), target))

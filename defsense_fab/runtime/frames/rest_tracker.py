@@ -66,7 +66,8 @@ class RestTracker:
         trained_ohms: R0 (c,) in the training, ohm, from which R0 of a channel is estimated while it
             cannot be measured.
         rest_signals: Returns the signals (c,) that are expected of a device at rest that has been
-            moved, since its cords remember that; NaN where they are not known. None for zero.
+            moved, since its cords remember that; NaN where they are not known. Signals of no
+            effect are zero if it is given True, and the present ones if False. None for zero.
     """
 
     def __init__(
@@ -75,10 +76,10 @@ class RestTracker:
         ohms: Float | None = None,
         first_rest_signals: Float | None = None,
         trained_ohms: Float | None = None,
-        rest_signals: Callable[[], Float] | None = None,
+        rest_signals: Callable[[bool], Float] | None = None,
     ) -> None:
         c = len(span)
-        self._rest_signals = rest_signals or (lambda: np.zeros(c))
+        self._rest_signals = rest_signals or (lambda _: np.zeros(c))
         self._span, self._trained_ohms = np.maximum(span, 1e-6), trained_ohms
         self._first = self._now = None if ohms is None else np.asarray(ohms, float)
         self._setting = (
@@ -122,12 +123,9 @@ class RestTracker:
         if not len(R) or not good.any():
             return False
         median = np.median(R[:, good], axis=0)
-        if self._now is not None:
-            at_rest = median / (1 + self._rest_signals()[good])
-            # Far from R0, the decoder does not know what rest is.
-            is_near = np.isfinite(at_rest).all() and self._offset(good, at_rest) <= _MAX_DRIFT
-            median = at_rest if is_near else median
-        self._start(good, median)
+        largest = _MAX_REST_OFFSET * self._span
+        remembered = np.nan_to_num(np.clip(self._rest_signals(True), -largest, largest))
+        self._start(good, median / (1 + remembered[good]))
         self._was_moved = self._has_settled = True
         self._mean_s = _PRIOR_REST_S
         return True
@@ -174,7 +172,7 @@ class RestTracker:
         if (np.ptp(means, axis=0) / median > _MAX_STILL_CHANGE * self._span[good]).any():
             return
         self._is_still = True
-        setting = 1 / (1 + self._rest_signals()) if self._was_moved else self._setting
+        setting = 1 / (1 + self._rest_signals(False)) if self._was_moved else self._setting
         median = median * setting[good]
         if self._now is None:
             self._start(good, median)

@@ -94,7 +94,7 @@ def test_first_rest_of_the_training_is_removed_from_the_start():
 
 def test_signals_that_cords_remember_are_no_drift():
     remembered = 0.1 * SPAN
-    tracker = RestTracker(SPAN, R0, rest_signals=lambda: remembered)
+    tracker = RestTracker(SPAN, R0, rest_signals=lambda _: remembered)
     _, t = feed(tracker, 4, lambda t: 0.8 * SPAN * np.sin(2 * t), 0.0)
     rest, t = feed(tracker, 40, lambda t: remembered, t)
     assert rest.ohms == pytest.approx(R0, rel=1e-3)
@@ -106,7 +106,7 @@ def test_signals_that_cords_remember_are_no_drift():
 
 
 def test_rest_that_a_decoder_does_not_know_is_not_followed():
-    tracker = RestTracker(SPAN, R0, rest_signals=lambda: np.full(2, np.nan))
+    tracker = RestTracker(SPAN, R0, rest_signals=lambda _: np.full(2, np.nan))
     _, t = feed(tracker, 4, lambda t: 0.8 * SPAN * np.sin(2 * t), 0.0)
     rest, _ = feed(tracker, 40, lambda t: 0.1 * SPAN, t)
     assert rest.ohms == pytest.approx(R0, rel=1e-3)
