@@ -120,7 +120,7 @@ class _Repairer:
         """Return the layout with one cord repaired as far as possible."""
         k = [s.name for s in layout].index(name)
         best = layout, check
-        for start, free in self._starts(layout[k]):
+        for start, free in self._starts(layout[k], self._freedom(layout[k], layout)):
             trial = (*layout[:k], start, *layout[k + 1 :])
             found = self._descend(trial, {name: free})
             checked = self._check(found)
@@ -132,16 +132,23 @@ class _Repairer:
                 best = found, checked
         return best
 
-    def _freedom(self, sensor: Sensor) -> frozenset[str]:
-        """Return what may move of a cord; as in a search, its ends are free if its plane is."""
-        plane = PLANE_FREEDOMS & sensor.free if self._keeps_freedoms else {"plane"}
+    def _freedom(self, sensor: Sensor, layout: Layout) -> frozenset[str]:
+        """Return what may move of a cord; as in a search, its ends are free if its plane is.
+
+        With the freedoms of a search, a plane that several cords share stays, and so they share it.
+        """
+        others = (s for s in layout if s.name != sensor.name and s.curve.is_planar)
+        is_shared = sensor.curve.is_planar and any(s.plane.coincides(sensor.plane) for s in others)
+        allowed = sensor.free - PLANE_FREEDOMS if is_shared else sensor.free
+        plane = PLANE_FREEDOMS & allowed if self._keeps_freedoms else {"plane"}
         if self._keeps_freedoms and not plane:
-            return sensor.free
+            return allowed
         return frozenset({"path", "ends", *(plane if sensor.curve.is_planar else ())})
 
-    def _starts(self, sensor: Sensor) -> Iterator[tuple[Sensor, frozenset[str]]]:
+    def _starts(
+        self, sensor: Sensor, free: frozenset[str]
+    ) -> Iterator[tuple[Sensor, frozenset[str]]]:
         """Yield paths to repair a cord from, and what may move of it, the nearest first."""
-        free = self._freedom(sensor)
         has_free_ends = "ends" in free
         starts = []
         if has_free_ends:
@@ -161,7 +168,7 @@ class _Repairer:
     def _repair_together(
         self, layout: Layout, check: LayoutCheck, names: Sequence[str]
     ) -> tuple[Layout, LayoutCheck]:
-        freedoms = {s.name: self._freedom(s) for s in layout if s.name in names}
+        freedoms = {s.name: self._freedom(s, layout) for s in layout if s.name in names}
         in_planes = {name: free - PLANE_FREEDOMS for name, free in freedoms.items()}
         for trial in (in_planes, freedoms):
             found = self._descend(layout, trial)

@@ -302,14 +302,26 @@ class ProposalResult(Result, frozen=True, kw_only=True):
 
 
 class Propose(Request, frozen=True, kw_only=True):
-    """Search for the cord that lowers the error most, and add it."""
+    """Search for the cord that lowers the error most, and add it.
+
+    Attributes:
+        search: Number of the search among those of this browser.
+    """
 
     result: ClassVar[type | None] = ProposalResult
     lane: ClassVar[str] = "search"
 
+    search: int = 0
+
 
 class CancelProposal(Request, frozen=True, kw_only=True):
-    """End the search for another cord that this browser has started."""
+    """End a search for another cord of this browser, also before it starts.
+
+    Attributes:
+        search: Its number.
+    """
+
+    search: int = 0
 
 
 class ProposalProgress(Event, frozen=True, kw_only=True):

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...core.device.device import Device, Sensor
-from ...core.errors import DefsenseError, StorageError
+from ...core.device.device_file import DEVICE
+from ...core.errors import DefsenseError, DeviceError, StorageError
 from ...core.mesh import Surface
 from ...workflow.build.build import freshness
 from ...workflow.build.renamed_poses import carry_over_rename, is_rename
@@ -90,6 +91,7 @@ class DeviceSession:
         self.on_freshness: list[Callable[[], None]] = []
         self._cord_colors = CordColors()
         self._former = project.device
+        self._is_closed = False
         self._rename_lock = threading.Lock()
         self._renames: list[tuple[Device, Device]] = []  # that the simulation does not have yet
         self._judge_settings = ""
@@ -123,6 +125,13 @@ class DeviceSession:
 
     def apply(self, edit: Edit) -> None:
         """Change `device.toml`. Raises DefsenseError."""
+        if self._is_closed:
+            raise DeviceError(
+                "the device was closed meanwhile",
+                code="device-closed",
+                where=DEVICE,
+                action="Open it again",
+            )
         self.project.apply(edit)
 
     def edit_and_lock(self, edit: Edit) -> None:
@@ -256,7 +265,8 @@ class DeviceSession:
         return all(worker.wait(timeout_s) for worker in workers)
 
     def close(self) -> None:
-        """End all running work."""
+        """End all running work; edits are refused from now on."""
+        self._is_closed = True
         self.project.watchers.remove(self._follow_device)
         for worker in (self._load_worker, self._judge_worker, self._freshness_worker):
             worker.close()

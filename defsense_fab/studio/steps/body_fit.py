@@ -23,7 +23,7 @@ from ...workflow.view import Client, Request
 from ..background.latest_worker import LatestWorker
 from ..edits.body_fit import fit_to_body
 from ..messages import body as messages
-from ..session.computed_edit import apply_computed
+from ..session.computed_edit import EditBasis
 from ..session.cord_states import rounded
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
@@ -121,8 +121,8 @@ class BodyFitStep(Step):
         return maps
 
     def _fit(self, _: Client, __: messages.FitToBody) -> None:
-        session, device = self.session, self.session.device
-        surface = session.newest_surface
+        session, basis = self.session, EditBasis.of(self.session)
+        device, surface = basis.device, basis.surface
         maps = {} if surface is None else self._maps(device, surface)
         misfits = {(m.kind, m.name) for m in self._misfits}
         moved = misfits & maps.keys()
@@ -137,7 +137,7 @@ class BodyFitStep(Step):
         pairs = zip(device.sensors, fitted.sensors, strict=True)
         changed = [new for old, new in pairs if new is not old]
         edit = fit_to_body(device, changed, maps, moved)
-        apply_computed(session, edit, device, "Fit again", changes_poses=True)
+        basis.apply(edit, "Fit again", changes_poses=True)
         session.notify(describe_result(edit.name, fitted.remaining))
 
 

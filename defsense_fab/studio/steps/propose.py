@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Mapping
-from dataclasses import replace
+import time
+from collections.abc import Callable, Mapping
 
 from ...core.errors import DefsenseError
 from ...workflow.view import Client, Request
@@ -12,6 +11,7 @@ from ..background.background_job import CANCELLED
 from ..edits import cords as edits
 from ..edits.edit import free_name
 from ..messages import sensors as messages
+from ..session.computed_edit import EditBasis
 from ..session.cord_check import CordCheck
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
@@ -19,6 +19,7 @@ from .judgement import simulated_judge
 from .makeable_proposal import makeable_proposal
 
 _JOB_END_S = 30.0  # in which the results of a job that has ended are read
+_WAIT_S = 0.2  # between two looks at whether a search was canceled
 
 
 class ProposeStep(Step):
@@ -32,20 +33,25 @@ class ProposeStep(Step):
     def __init__(self, session: DeviceSession, check: CordCheck) -> None:
         super().__init__(session)
         self._check = check
-        #: Set to end the search of a browser; one search runs for each of them.
-        self._canceled: dict[Client, threading.Event] = {}
+        self._canceled = set[tuple[Client, int]]()  # searches, also such that did not start yet
+        self._is_closed = False
 
     @property
     def handlers(self) -> Mapping[type[Request], Handler]:
         return {messages.Propose: self._propose, messages.CancelProposal: self._cancel}
 
-    def _propose(self, client: Client, _: messages.Propose) -> messages.ProposalResult:
-        session, jobs = self.session, self.session.jobs
-        judge, sensors = simulated_judge(session), session.device.sensors
-        canceled = self._canceled[client] = threading.Event()
+    def disconnect(self, client: Client) -> None:
+        self._canceled = {search for search in self._canceled if search[0] is not client}
+
+    def close(self) -> None:
+        self._is_closed = True
+
+    def _propose(self, client: Client, request: messages.Propose) -> messages.ProposalResult:
+        judge, basis = simulated_judge(self.session), EditBasis.of(self.session)
+        search, sensors = (client, request.search), basis.device.sensors
 
         def check_canceled() -> None:
-            if canceled.is_set() or not client.is_open:
+            if search in self._canceled or not client.is_open or self._is_closed:
                 raise DefsenseError("the search for another cord was canceled", code=CANCELLED)
 
         def report(share: float, _: str) -> None:
@@ -53,26 +59,28 @@ class ProposeStep(Step):
             client.send(messages.ProposalProgress(share=share))
 
         try:
-            if jobs.job.state == "idle":
-                jobs.wait(_JOB_END_S)  # the simulation that this waited for
-            jobs.check_idle()
-            name = self._free_name("cord")
+            self._wait_for_results(check_canceled)
+            name = free_name("cord", [s.name for s in sensors])
             found = makeable_proposal(judge, self._check, sensors, name, report)
             check_canceled()
         finally:
-            del self._canceled[client]
+            self._canceled.discard(search)
             client.send(messages.ProposalProgress(share=None))
-        # The name may have been taken meanwhile.
-        cord = replace(found.cord, name=self._free_name("cord"))
-        session.apply(edits.add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free)))
+        cord = found.cord
+        basis.apply(
+            edits.add_cord(name, cord.plane, cord.curve, sorted(cord.free)), "Propose again"
+        )
         return messages.ProposalResult(
-            name=cord.name, error=found.error, error_before=found.error_before
+            name=name, error=found.error, error_before=found.error_before
         )
 
-    def _cancel(self, client: Client, _: messages.CancelProposal) -> None:
-        canceled = self._canceled.get(client)
-        if canceled is not None:
-            canceled.set()
+    def _wait_for_results(self, check_canceled: Callable[[], None]) -> None:
+        """Wait for the simulation that has just ended. Raises DefsenseError."""
+        jobs = self.session.jobs
+        end = time.monotonic() + _JOB_END_S
+        while jobs.job.state == "idle" and time.monotonic() < end and not jobs.wait(_WAIT_S):
+            check_canceled()
+        jobs.check_idle()
 
-    def _free_name(self, name: str) -> str:
-        return free_name(name, [s.name for s in self.session.device.sensors])
+    def _cancel(self, client: Client, request: messages.CancelProposal) -> None:
+        self._canceled.add((client, request.search))

@@ -22,7 +22,7 @@ from ..edits import cords as edits
 from ..edits.edit import Edit, free_name
 from ..messages import sensors as messages
 from ..session.built_cords import built_cords
-from ..session.computed_edit import apply_computed
+from ..session.computed_edit import EditBasis
 from ..session.cord_check import CordCheck
 from ..session.cord_states import path_points, plane_of, rounded
 from ..session.device_session import DeviceSession
@@ -172,22 +172,21 @@ class SensorsStep(Step):
         self.session.apply(edit)
 
     def _smooth(self, _: Client, request: messages.SmoothCord) -> None:
-        name = self._cord(request.cord).name
-        device = self.session.device
-        found = smooth_cord(device, self.session.newest_surface, name)
+        name, basis = self._cord(request.cord).name, EditBasis.of(self.session)
+        found = smooth_cord(basis.device, basis.surface, name)
         edit = edits.smooth(name, found.sensor if found.has_moved else None)
-        apply_computed(self.session, edit, device, "Smooth it again")
+        basis.apply(edit, "Smooth it again")
         if found.has_moved:
             self.session.notify(f"{name}: control points moved, to keep the limits")
 
     def _repair(self, _: Client, request: messages.RepairCords) -> messages.RepairResult:
         self._vertices()
-        assert self.session.newest_surface is not None
+        basis = EditBasis.of(self.session)
+        assert basis.surface is not None
         names = [self._cord(name).name for name in request.cords] or None
-        device = self.session.device
-        found = repair_cords(device, self.session.newest_surface, names)
+        found = repair_cords(basis.device, basis.surface, names)
         edit = edits.repair([s for s in found.sensors if s.name in found.moves])
-        apply_computed(self.session, edit, device, "Repair again")
+        basis.apply(edit, "Repair again")
         return messages.RepairResult(
             cords=list(found.moves),
             largest_move=max(found.moves.values()),

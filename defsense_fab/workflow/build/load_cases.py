@@ -18,6 +18,8 @@ from ...store.fields import StateRecord
 
 #: Factorizations after which a proposed mixture is left out.
 PROPOSED_BUDGET = 40
+#: Part of a warning between the poses that are not mixed, and the reason.
+NOT_MIXED = " are not mixed: "
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ def prepare_jobs(
         except DeviceError as error:
             if not loading.optional:
                 raise
-            warnings.append(f"{' and '.join(loading.weights)} are not mixed: {error}")
+            warnings.append(f"{' and '.join(loading.weights)}{NOT_MIXED}{error}")
             continue
         kept.append(loading)
         warnings += constraint_warnings

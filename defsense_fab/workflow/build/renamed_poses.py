@@ -11,7 +11,7 @@ from ...core.errors import DefsenseError, StorageError
 from ...core.storage.files import digest
 from ...store.fields import INDEX, field_path, load_index, save_index
 from .build import build_lock
-from .load_cases import list_loadings
+from .load_cases import NOT_MIXED, list_loadings
 from .stage_files import complete_key, file_sizes, save_stage_record
 from .stages import STAGES, plain, stage_keys
 
@@ -57,7 +57,7 @@ def carry_over_rename(before: Device, after: Device) -> bool:
             for old, new in names.items():
                 if old != new and field_path(folder, old).exists():
                     field_path(folder, old).replace(field_path(folder, new))
-            warnings = tuple(_in_text(text, {**names, **pose}) for text in index.warnings)
+            warnings = tuple(_in_warning(text, names, pose) for text in index.warnings)
             save_index(folder, replace(index, states=states, warnings=warnings))
             record = {"key": key[_SIMULATE.name], "files": file_sizes(folder, _SIMULATE)}
             save_stage_record(folder, _SIMULATE, record)
@@ -99,8 +99,16 @@ def _renamed(weights: Mapping[str, float], pose: Mapping[str, str]) -> dict[str,
     return {pose[name]: weight for name, weight in weights.items()}
 
 
+def _in_warning(text: str, states: Mapping[str, str], poses: Mapping[str, str]) -> str:
+    """Return a warning with new names; names of poses may be other words in other warnings."""
+    mixed, sign, rest = text.partition(NOT_MIXED)
+    if sign:
+        return _in_text(mixed, {**states, **poses}) + sign + _in_text(rest, states)
+    return _in_text(text, states)
+
+
 def _in_text(text: str, names: Mapping[str, str]) -> str:
-    """Return a text with new names of states and poses by the old ones, where they are words."""
+    """Return a text with new names by the old ones, where they are words."""
     longest_first = sorted(map(re.escape, names), key=len, reverse=True)
     words = rf"(?<!\w)(?:{'|'.join(longest_first)})(?!\w)"
     return re.sub(words, lambda match: names[match[0]], text)

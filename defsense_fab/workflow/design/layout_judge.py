@@ -24,7 +24,6 @@ from ...optimization.search.plane_directions import face_directions
 from ...optimization.search.starting_layouts import LayoutSearch
 from ...store.build import Build
 
-CANCELLED = "cancelled"  #: Code of an error of `report` that ends a search.
 _STRAIGHT_END_MM = 8.0  # of a new path
 _INNER_POINTS = 4  # control points between the straight ends
 _SLOW_DECODER = "kernel"
@@ -187,8 +186,8 @@ class LayoutJudge:
         Args:
             name: Name of the new cord.
             sensors: Cords that stay.
-            report: Called with the progress; what it raises, with the code "cancelled" if it is a
-                LayoutError, ends the search.
+            report: Called with the progress; what it raises, unless it is a LayoutError, ends the
+                search.
 
         Raises:
             LayoutError: If the body has no room for another cord.
@@ -207,8 +206,8 @@ class LayoutJudge:
                     name=name,
                     free=frozenset({"path", "plane"}),
                 )
-            except LayoutError as error:
-                if k == 0 or error.code == CANCELLED:
+            except LayoutError:
+                if k == 0:
                     raise
 
     def _propose(

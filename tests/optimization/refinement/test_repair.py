@@ -9,6 +9,7 @@ import pytest
 from defsense_fab.core.curve import REST_FRAME, Hermite, Plane, catmull_rom, sample_path
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.core.device.device_file import load_device
+from defsense_fab.core.device.regions import Box
 from defsense_fab.optimization.limits.verification import verify
 from defsense_fab.optimization.limits.worsening import worsened_limits
 from defsense_fab.optimization.prediction.design_task import layout_limits
@@ -101,6 +102,15 @@ def test_only_what_a_search_may_move_is_moved(bar):
     above = cord(z=17.0)
     assert repair_layout([above], bar, LIMITS, keeps_freedoms=True).unrepaired == ("a",)
     assert not repair_layout([above], bar, LIMITS).unrepaired
+
+
+def test_cords_in_one_plane_stay_in_it_in_a_repair_for_a_search(bar):
+    kept = Box(np.array([60.0, -6, -2]), np.array([70.0, 15, 2]))
+    limits, free = replace(LIMITS, kept_whole=(kept,)), frozenset({"path", "plane"})
+    layout = [replace(cord("a", y=3.0), free=free), replace(cord("b", y=-10.0), free=free)]
+    a, b = repair_layout(layout, bar, limits, keeps_freedoms=True).sensors
+    assert a.plane.coincides(b.plane)
+    assert not repair_layout(layout, bar, limits).unrepaired
 
 
 @pytest.mark.parametrize("freedom", ["plane", "offset"])

@@ -99,18 +99,26 @@ def test_all_is_fitted_to_the_body_in_one_step_of_undo(app):
     assert not fit(app).misfits
 
 
-def test_a_fit_does_not_overwrite_what_was_changed_meanwhile(app, monkeypatch):
+def test_a_fit_is_not_applied_to_what_was_changed_meanwhile(app, monkeypatch):
+    def fit_while(action):
+        def fit_slowly(*arguments):
+            result = fit_cords(*arguments)
+            action()
+            return result
+
+        monkeypatch.setattr(body_fit_module, "fit_cords", fit_slowly)
+
     scale_body(app, 0.6)
-
-    def fit_slowly(*arguments):
-        result = fit_cords(*arguments)
-        app.browser.ask("delete-poses", poses=[app.session.device.poses[0].name])
-        return result
-
-    monkeypatch.setattr(body_fit_module, "fit_cords", fit_slowly)
+    pose = app.session.device.poses[0].name
+    fit_while(lambda: app.browser.ask("delete-poses", poses=[pose]))
     with raises(DeviceError, "changed-meanwhile", changed=("poses",)):
         app.browser.ask("fit-to-body")
     assert app.session.project.undo_name.startswith("delete")
+    text = app.session.project.text
+    fit_while(lambda: app.session.show_preview(None))
+    with raises(DeviceError, "changed-meanwhile", changed=("body",)):
+        app.browser.ask("fit-to-body")
+    assert app.session.project.text == text
 
 
 def test_cords_that_were_moved_since_stay(app):

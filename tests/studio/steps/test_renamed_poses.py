@@ -104,12 +104,17 @@ def test_warnings_of_the_simulation_have_the_new_name(made_app):
     session = made_app.session
     assert session.wait(TIMEOUT_S)
     folder = session.project.folder / "build"
-    text = "bend_up and twist are not mixed: untwisted regions overlap at twist@1"
-    save_index(folder, replace(load_index(folder), warnings=(text,)))
+    texts = (
+        "bend_up and twist are not mixed: untwisted regions overlap at twist@1",
+        "a twist of the body at twist@1: 3 elements are inverted",
+    )
+    save_index(folder, replace(load_index(folder), warnings=texts))
     stage = next(stage for stage in STAGES if stage.name == "simulate")
     record = load_state(folder)["simulate"]
     save_stage_record(folder, stage, {**record, "files": file_sizes(folder, stage)})
     made_app.browser.ask("rename-pose", pose="twist", name="turn")
     assert session.wait(TIMEOUT_S)
-    (warning,) = load_index(folder).warnings
-    assert warning == "bend_up and turn are not mixed: untwisted regions overlap at turn@1"
+    assert load_index(folder).warnings == (
+        "bend_up and turn are not mixed: untwisted regions overlap at turn@1",
+        "a twist of the body at turn@1: 3 elements are inverted",
+    )

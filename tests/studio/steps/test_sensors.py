@@ -9,7 +9,9 @@ import pytest
 from defsense_fab.core.errors import DefsenseError, DeviceError, LayoutError
 from defsense_fab.studio.messages.sensors import Prediction, ProposalProgress, SmoothCord
 from defsense_fab.studio.messages.shell import DeviceState, Pipeline, Undo
+from defsense_fab.studio.steps import propose as propose_module
 from defsense_fab.studio.steps import sensors as sensors_module
+from defsense_fab.studio.steps.makeable_proposal import Proposal
 from defsense_fab.workflow.device import load_device
 from tests.support.errors import raises
 
@@ -314,15 +316,33 @@ def test_a_canceled_proposal_adds_no_cord_and_another_one_can_start(app):
     def cancel_at_the_first_report(event):
         send(event)
         if isinstance(event, ProposalProgress) and event.share is not None:
-            app.browser.ask("cancel-proposal")
+            app.browser.ask("cancel-proposal", search=1)
 
     app.browser.send = cancel_at_the_first_report
-    for _ in range(2):
+    app.browser.ask("cancel-proposal", search=2)  # it waits for other work
+    for number in (1, 2):
         with raises(DefsenseError, "cancelled"):
-            app.browser.ask("propose")
+            app.browser.ask("propose", search=number)
         assert app.browser.events[-1] == ProposalProgress(share=None)
     assert list(written(app)) == names
-    app.browser.ask("cancel-proposal")  # nothing runs
+    assert app.browser.ask("propose", search=3).name not in names
+
+
+def test_a_proposal_is_not_added_to_other_cords_or_to_a_closed_device(app, monkeypatch):
+    found = Proposal(app.session.device.sensors[0], 1.0, 2.0)
+
+    def propose_while(action):
+        monkeypatch.setattr(propose_module, "makeable_proposal", lambda *_: (action(), found)[1])
+
+    propose_while(lambda: app.browser.ask("add-straight"))
+    with raises(DeviceError, "changed-meanwhile", changed=("cords",)):
+        app.browser.ask("propose")
+    names = list(written(app))
+    propose_while(app.close)
+    app.close = lambda: None  # it is closed once
+    with raises(DefsenseError, "cancelled"):
+        app.browser.ask("propose")
+    assert list(written(app)) == names
 
 
 def test_two_cords_are_compared(app):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device
-from defsense_fab.core.errors import LayoutError
+from defsense_fab.core.errors import DefsenseError
 from defsense_fab.optimization.prediction.as_built import fabricate, score_channels
 from defsense_fab.store.build import Build
 from defsense_fab.workflow.design.compare_layouts import tried_as
@@ -97,10 +97,10 @@ def test_a_later_proposal_can_be_cancelled(device, build):
 
     def report(share, message):
         if is_cancelled:
-            raise LayoutError("the page was closed", code="cancelled")
+            raise DefsenseError("the search was canceled", code="cancelled")
 
     proposals = judge.proposals("new", device.sensors[:1], report)
     next(proposals)
     is_cancelled = True
-    with raises(LayoutError, "cancelled"):
+    with raises(DefsenseError, "cancelled"):
         next(proposals)

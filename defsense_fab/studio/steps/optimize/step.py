@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from ....core.device.device import Sensor
 from ....core.errors import DefsenseError, LayoutError, StorageError
-from ....workflow.build.results import layout_digest, poses_digest
+from ....workflow.build.results import layout_digest, simulation_digest
 from ....workflow.design.compare_layouts import (
     ComparedLayout,
     estimate_seconds,
@@ -193,7 +193,7 @@ class OptimizeStep(Step):
         device, build = session.device, session.results
         poses, current, layouts = "", None, list[ComparedLayout]()
         with suppress(DefsenseError, OSError):
-            poses = poses_digest(build)
+            poses = simulation_digest(build)
             tried = [*tried_layouts(build), *studied_layouts(device, build.folder)]
             current, layouts = layout_digest(build), tried
         with self._lock:

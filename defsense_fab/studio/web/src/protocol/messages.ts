@@ -267,11 +267,15 @@ export interface CancelJob {
   id: number;
 }
 /**
- * End the search for another cord that this browser has started.
+ * End a search for another cord of this browser, also before it starts.
+ *
+ *     Attributes:
+ *         search: Its number.
  */
 export interface CancelProposal {
   kind: "cancel-proposal";
   id: number;
+  search: number;
 }
 /**
  * Choose a row of a catalogue; values that replaced those of the previous row are removed.
@@ -732,10 +736,14 @@ export interface ProcessSessions {
 }
 /**
  * Search for the cord that lowers the error most, and add it.
+ *
+ *     Attributes:
+ *         search: Number of the search among those of this browser.
  */
 export interface Propose {
   kind: "propose";
   id: number;
+  search: number;
 }
 /**
  * Search in the background for poses of the body that a region holds.

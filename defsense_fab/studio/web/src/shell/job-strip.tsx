@@ -55,7 +55,7 @@ export async function cancelJob(): Promise<void> {
 export function JobStrip() {
   const current = job.value;
   const isActive = current !== null && current.state !== "idle";
-  const isWorking = !isActive && pageWork.value !== null;
+  const isWorking = pageWork.value !== null;
   const isShown = isActive || isWorking || (isResultShown.value && Boolean(current?.title));
   // The strip keeps its place where there is room, so that nothing moves under the pointer.
   const isKept = screen.value === "device" && !isPhone.value;

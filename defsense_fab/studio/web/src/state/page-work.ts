@@ -1,4 +1,4 @@
-// Work that this page alone waits for, which the strip of jobs shows while no job runs.
+// Work that this page alone waits for, which the strip shows beside jobs.
 import { type Signal, computed, signal } from "@preact/signals";
 
 export interface PageWork {

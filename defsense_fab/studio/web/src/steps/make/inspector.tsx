@@ -28,12 +28,12 @@ export function MakeInspector() {
 
 /** A warning as a sentence, without the coordinates of a place that a button shows. */
 function noteText(text: string, hasPlace: boolean): string {
-  const words = inPageWords(hasPlace ? text.replace(/ near \([^)]*\)/, "") : text);
+  const words = inPageWords(hasPlace ? text.replace(/,? near \([^)]*\),?/, "") : text);
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 
 function PlaceButton({ at, text }: Place) {
-  const isShown = place.value?.text === text;
+  const isShown = place.value?.text === text && place.value.at.join() === at.join();
   return (
     <Button
       variant="quiet"

@@ -11,6 +11,7 @@ import { showToast } from "../../state/toasts";
 const LOAD_MS = 30_000; // in which a finished simulation is read
 const ANSWER_MS = 2_000; // in which a script that may run starts
 
+let searchCount = 0;
 let giveUp: ReturnType<typeof setTimeout> | undefined;
 
 /** The search that runs. */
@@ -40,9 +41,11 @@ export async function propose(): Promise<void> {
     return;
   }
   const noun = device.peek()?.noun ?? "cord";
-  const work = newWork(`Search for another ${noun}`, () => void run(connection.send("cancel-proposal", {})));
+  const number = ++searchCount;
+  const cancel = () => void run(connection.send("cancel-proposal", { search: number }));
+  const work = newWork(`Search for another ${noun}`, cancel);
   search.value = work;
-  const added = await attempt(showWork(work, connection.send("propose", {})), (problem) => {
+  const added = await attempt(showWork(work, connection.send("propose", { search: number })), (problem) => {
     if (problem.code === "cancelled") showToast(`Search canceled: no ${noun} was added`);
     else showRefusal(problem);
   });
