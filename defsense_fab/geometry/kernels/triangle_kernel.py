@@ -154,6 +154,8 @@ def solid_of(tool: Tool) -> Any:
     if isinstance(tool, Frustum):
         along = tool.end - tool.start
         height = float(np.linalg.norm(along))
+        if height == 0:
+            return m3.Manifold()  # it has no volume, and no direction
         widening = _equal_area_radius(TUBE_SIDES)
         low, high = (widening * r for r in tool.radii)
         solid = m3.Manifold.cylinder(height, low, high, TUBE_SIDES)
