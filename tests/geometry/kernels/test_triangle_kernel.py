@@ -12,7 +12,7 @@ from defsense_fab.geometry.kernels.triangle_kernel import cut_out
 @pytest.mark.parametrize(("length", "removed"), [(0.0, 0.0), (4.0, 4 * np.pi)])
 def test_a_tool_removes_its_volume(length, removed):
     start = np.array([3.0, 4, 2])
-    tool = Frustum(start, start + [0, 0, length], (1.0, 1.0))
+    tool = Frustum(start, start + length * np.eye(3)[2], (1.0, 1.0))
     assert cut_out(m3.Manifold.cube([10.0, 10, 10]), [tool]).volume() == pytest.approx(
         1000 - removed
     )
