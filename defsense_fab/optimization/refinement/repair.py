@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,6 +65,7 @@ def repair_layout(
     names: Collection[str] | None = None,
     keeps_freedoms: bool = False,
     depth: SignedDistance | None = None,
+    check_wanted: Callable[[], None] = lambda: None,
 ) -> Repair:
     """Repair the cords that break a limit; the others stay as they are.
 
@@ -79,8 +80,10 @@ def repair_layout(
         keeps_freedoms: Whether only that moves of them which a search may move, rather than path,
             ends and plane.
         depth: Depth below the surface, computed if not given.
+        check_wanted: Called often; what it raises ends the repair.
     """
-    repairer = _Repairer(surface, limits, depth or signed_distance_of(surface), keeps_freedoms)
+    depth = depth or signed_distance_of(surface)
+    repairer = _Repairer(surface, limits, depth, keeps_freedoms, check_wanted)
     return repairer.repair(tuple(sensors), names)
 
 
@@ -88,10 +91,15 @@ class _Repairer:
     """Repairs layouts in one body."""
 
     def __init__(
-        self, surface: Surface, limits: Limits, depth: SignedDistance, keeps_freedoms: bool
+        self,
+        surface: Surface,
+        limits: Limits,
+        depth: SignedDistance,
+        keeps_freedoms: bool,
+        check_wanted: Callable[[], None],
     ) -> None:
         self._surface, self._limits, self._depth = surface, limits, depth
-        self._keeps_freedoms = keeps_freedoms
+        self._keeps_freedoms, self._check_wanted = keeps_freedoms, check_wanted
 
     def repair(self, sensors: Layout, names: Collection[str] | None) -> Repair:
         before = self._check(sensors)
@@ -185,7 +193,13 @@ class _Repairer:
         target = layout
         for n in range(_ROUNDS):
             program = RepairProgram(
-                self._surface, self._depth, self._limits, layout, target, freedoms
+                self._surface,
+                self._depth,
+                self._limits,
+                layout,
+                target,
+                freedoms,
+                self._check_wanted,
             )
             loosest = MAX_MARGIN_USE_MM if n == 0 else 0.0
             start = np.zeros(program.size)
@@ -203,6 +217,7 @@ class _Repairer:
         return round_layout((sensor,))[0] if self._keeps_freedoms else _round(sensor)
 
     def _check(self, layout: Layout) -> LayoutCheck:
+        self._check_wanted()
         return verify(layout, self._surface, self._limits, self._depth)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -35,6 +35,7 @@ class RepairProgram:
         layout: All cords.
         target: The cords as they should be as far as possible, with as many points.
         freedoms: What moves of the cords, as in `FREEDOMS`, by name; the other cords stay.
+        check_wanted: Called before each model; what it raises ends the descent.
     """
 
     def __init__(
@@ -45,8 +46,9 @@ class RepairProgram:
         layout: Layout,
         target: Layout,
         freedoms: Mapping[str, frozenset[str]],
+        check_wanted: Callable[[], None],
     ) -> None:
-        self._layout = layout
+        self._layout, self._check_wanted = layout, check_wanted
         self._cords = [
             CordParameters(replace(s, free=freedoms.get(s.name, frozenset()))) for s in layout
         ]
@@ -58,6 +60,7 @@ class RepairProgram:
 
     def model(self, y: Float) -> QuadraticModel:
         """Return the quadratic model of one plus the mean squared movement, mm^2."""
+        self._check_wanted()
         value, gradient, hessian = 1.0, np.zeros(self.size), np.zeros((self.size, self.size))
         done = 0
         for cord, part in zip(self._free, self._parts(y), strict=True):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +12,10 @@ from tomlkit import TOMLDocument
 
 from ...core.device.device import Device
 from ...core.device.device_file import DEVICE
-from ...core.errors import DeviceError
+from ...core.errors import DefsenseError, DeviceError
 from ...core.mesh import Surface
+from ...workflow.view import Client
+from ..background.background_job import CANCELLED
 from ..edits.edit import Edit
 from .device_session import DeviceSession
 
@@ -34,6 +38,32 @@ class EditBasis:
     def of(cls, session: DeviceSession) -> EditBasis:
         """Return the present basis."""
         return cls(session, session.device, session.newest_surface)
+
+    def check_wanted(self, client: Client, limit_s: float = np.inf) -> Callable[[], None]:
+        """Return a function that raises an error once nobody waits for the edit any more.
+
+        Args:
+            client: The browser that waits.
+            limit_s: Time from now on, s, for which it waits.
+
+        The function raises:
+            DefsenseError: The device or the browser was closed, or the time is over
+                (`takes-too-long`).
+        """
+        end = time.monotonic() + limit_s
+
+        def check() -> None:
+            self.session.require_open()
+            if not client.is_open:
+                raise DefsenseError("the page was closed", code=CANCELLED)
+            if time.monotonic() > end:
+                raise DefsenseError(
+                    f"no result was found within {limit_s:g} s",
+                    code="takes-too-long",
+                    action=f"Repair the {self.device.cord.noun}s that break a limit first",
+                )
+
+        return check
 
     def apply(self, edit: Edit, action: str, *, changes_poses: bool = False) -> None:
         """Apply an edit that was computed from this basis.

@@ -125,6 +125,11 @@ class DeviceSession:
 
     def apply(self, edit: Edit) -> None:
         """Change `device.toml`. Raises DefsenseError."""
+        self.require_open()
+        self.project.apply(edit)
+
+    def require_open(self) -> None:
+        """Raise a DeviceError if the device was closed."""
         if self._is_closed:
             raise DeviceError(
                 "the device was closed meanwhile",
@@ -132,7 +137,6 @@ class DeviceSession:
                 where=DEVICE,
                 action="Open it again",
             )
-        self.project.apply(edit)
 
     def edit_and_lock(self, edit: Edit) -> None:
         """Change `device.toml` by an edit that locks all cords, and report it."""

@@ -120,7 +120,7 @@ class BodyFitStep(Step):
                 maps[item] = BoxMap(box, surface.bounds)
         return maps
 
-    def _fit(self, _: Client, __: messages.FitToBody) -> None:
+    def _fit(self, client: Client, __: messages.FitToBody) -> None:
         session, basis = self.session, EditBasis.of(self.session)
         device, surface = basis.device, basis.surface
         maps = {} if surface is None else self._maps(device, surface)
@@ -133,7 +133,7 @@ class BodyFitStep(Step):
                 action="Repair the cords, or move regions by hand",
             )
         names = [s.name for s in device.sensors if ("cord", s.name) in misfits]
-        fitted = fit_cords(device, surface, names, maps)
+        fitted = fit_cords(device, surface, names, maps, basis.check_wanted(client))
         pairs = zip(device.sensors, fitted.sensors, strict=True)
         changed = [new for old, new in pairs if new is not old]
         edit = fit_to_body(device, changed, maps, moved)

@@ -33,6 +33,7 @@ from .optimize.ghost_cords import are_same
 
 _NOT_SIMULATED = "Simulate the poses to see the expected error"
 _OTHER_BODY = "The body has changed: simulate the poses again to see the expected error"
+_SMOOTH_S = 10.0  # in which a smooth path is found; the edits of a browser wait for it
 _SNAP_DISTANCE = 0.01  # times the body's size
 _SHIFT = 0.04  # of a copy from its original, times the body's size
 _SNAP_TEXTS = {"surface": "surface", "middle": "middle of the body"}
@@ -171,20 +172,21 @@ class SensorsStep(Step):
     def _apply(self, edit: Edit) -> None:
         self.session.apply(edit)
 
-    def _smooth(self, _: Client, request: messages.SmoothCord) -> None:
+    def _smooth(self, client: Client, request: messages.SmoothCord) -> None:
         name, basis = self._cord(request.cord).name, EditBasis.of(self.session)
-        found = smooth_cord(basis.device, basis.surface, name)
+        wanted = basis.check_wanted(client, _SMOOTH_S)
+        found = smooth_cord(basis.device, basis.surface, name, wanted)
         edit = edits.smooth(name, found.sensor if found.has_moved else None)
         basis.apply(edit, "Smooth it again")
         if found.has_moved:
             self.session.notify(f"{name}: control points moved, to keep the limits")
 
-    def _repair(self, _: Client, request: messages.RepairCords) -> messages.RepairResult:
+    def _repair(self, client: Client, request: messages.RepairCords) -> messages.RepairResult:
         self._vertices()
         basis = EditBasis.of(self.session)
         assert basis.surface is not None
         names = [self._cord(name).name for name in request.cords] or None
-        found = repair_cords(basis.device, basis.surface, names)
+        found = repair_cords(basis.device, basis.surface, names, basis.check_wanted(client))
         edit = edits.repair([s for s in found.sensors if s.name in found.moves])
         basis.apply(edit, "Repair again")
         return messages.RepairResult(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -90,7 +90,11 @@ def find_misfits(
 
 
 def fit_cords(
-    device: Device, surface: Surface, names: Collection[str], maps: Mapping[Item, BoxMap]
+    device: Device,
+    surface: Surface,
+    names: Collection[str],
+    maps: Mapping[Item, BoxMap],
+    check_wanted: Callable[[], None] = lambda: None,
 ) -> Repair:
     """Move cords with the bounding box of the body, and repair the limits that they break there.
 
@@ -99,6 +103,7 @@ def fit_cords(
         surface: Surface of the body.
         names: Names of the cords; the others stay.
         maps: Maps from the earlier body, for the cords that were made for it.
+        check_wanted: Called often; what it raises ends the repair.
 
     Raises:
         DeviceError: No length of channel is allowed.
@@ -107,7 +112,8 @@ def fit_cords(
     for sensor in device.sensors:
         box_map = maps.get(("cord", sensor.name)) if sensor.name in names else None
         moved.append(sensor if box_map is None else box_map.cord(sensor))
-    return repair_layout(moved, surface, layout_limits(device), names=names)
+    limits = layout_limits(device)
+    return repair_layout(moved, surface, limits, names=names, check_wanted=check_wanted)
 
 
 class BoxMap:

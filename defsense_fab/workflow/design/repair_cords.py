@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 from ...core.curve import Hermite, catmull_rom
@@ -15,19 +15,26 @@ from ...optimization.prediction.design_task import layout_limits
 from ...optimization.refinement.repair import Repair, repair_layout
 
 
-def repair_cords(device: Device, surface: Surface, names: Collection[str] | None = None) -> Repair:
+def repair_cords(
+    device: Device,
+    surface: Surface,
+    names: Collection[str] | None = None,
+    check_wanted: Callable[[], None] = lambda: None,
+) -> Repair:
     """Repair the cords that break a limit; see `repair_layout`.
 
     Args:
         device: The device.
         surface: The body's surface.
         names: Names of the cords that may move; None for all.
+        check_wanted: Called often; what it raises ends the repair.
 
     Raises:
         LayoutError: None of the cords breaks a limit, or none can be improved.
         DeviceError: No length of channel is allowed.
     """
-    found = repair_layout(device.sensors, surface, layout_limits(device), names=names)
+    limits = layout_limits(device)
+    found = repair_layout(device.sensors, surface, limits, names=names, check_wanted=check_wanted)
     if found.moves:
         return found
     noun = device.cord.noun
@@ -56,13 +63,19 @@ class SmoothCord:
     has_moved: bool
 
 
-def smooth_cord(device: Device, surface: Surface | None, name: str) -> SmoothCord:
+def smooth_cord(
+    device: Device,
+    surface: Surface | None,
+    name: str,
+    check_wanted: Callable[[], None] = lambda: None,
+) -> SmoothCord:
     """Smooth a cord so that no limit is broken that was kept, and none is broken more.
 
     Args:
         device: The device.
         surface: The body's surface; None if there is no body, and so no limit.
         name: Name of the cord.
+        check_wanted: Called often; what it raises ends the work.
 
     Raises:
         LayoutError: A limit would be broken, and moving the control points does not help.
@@ -76,7 +89,7 @@ def smooth_cord(device: Device, surface: Surface | None, name: str) -> SmoothCor
     before = verify(device.sensors, surface, limits)
     if not worsened_limits(before, verify(layout, surface, limits), limits):
         return SmoothCord(smooth, has_moved=False)
-    repaired = repair_layout(layout, surface, limits, names=[name])
+    repaired = repair_layout(layout, surface, limits, names=[name], check_wanted=check_wanted)
     worse = worsened_limits(before, repaired.check, limits)
     if worse:
         raise LayoutError(

@@ -10,6 +10,7 @@ from defsense_fab.core.curve import REST_FRAME, Hermite, Plane, catmull_rom, sam
 from defsense_fab.core.device.device import Sensor
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.device.regions import Box
+from defsense_fab.core.errors import LayoutError
 from defsense_fab.optimization.limits.verification import verify
 from defsense_fab.optimization.limits.worsening import worsened_limits
 from defsense_fab.optimization.prediction.design_task import layout_limits
@@ -17,6 +18,7 @@ from defsense_fab.optimization.refinement.repair import repair_layout
 from defsense_fab.store.build import Build
 from defsense_fab.workflow.build.build import build_body
 from tests.optimization.conftest import LIMITS
+from tests.support.errors import raises
 
 DEVICES = Path(__file__).parents[3] / "fixtures" / "devices"
 X = np.array([2.0, 10, 36, 62, 88, 114, 140, 148])
@@ -90,6 +92,18 @@ def test_smooth_cords_stay_smooth_in_the_file(bar):
         found = repair_layout([drawn], bar, LIMITS).sensors[0].curve
         assert np.array_equal(found.points, np.round(found.points, 3))
         assert np.array_equal(found.tangents, catmull_rom(found.points))
+
+
+def test_a_repair_ends_when_nobody_wants_it_any_more(bar):
+    calls = iter(range(10))
+
+    def check_wanted():
+        if next(calls) == 5:
+            raise LayoutError("the page was closed", code="cancelled")
+
+    bent = cord(moves=[(3, 0, 9), (4, -22, 2)])
+    with raises(LayoutError, "cancelled"):
+        repair_layout([bent], bar, LIMITS, check_wanted=check_wanted)
 
 
 def test_only_what_a_search_may_move_is_moved(bar):

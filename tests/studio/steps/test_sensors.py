@@ -9,6 +9,7 @@ import pytest
 from defsense_fab.core.errors import DefsenseError, DeviceError, LayoutError
 from defsense_fab.studio.messages.sensors import Prediction, ProposalProgress, SmoothCord
 from defsense_fab.studio.messages.shell import DeviceState, Pipeline, Undo
+from defsense_fab.studio.session.computed_edit import EditBasis
 from defsense_fab.studio.steps import propose as propose_module
 from defsense_fab.studio.steps import sensors as sensors_module
 from defsense_fab.studio.steps.makeable_proposal import Proposal
@@ -164,6 +165,19 @@ def test_a_repair_does_not_overwrite_what_was_drawn_meanwhile(app, monkeypatch):
     meanwhile(monkeypatch, "repair_cords", lambda: app.browser.ask("set-freedoms", **free))
     assert app.browser.ask("repair-cords", cords=[name]).cords == [name]
     assert written(app)[other].free == {"path"}
+
+
+def test_repairs_end_with_their_page_and_smoothing_after_a_while(app):
+    name = next(iter(cords(app)))
+    drag(app, name, 3, [0.0, 9.0])
+    text, browser = app.session.project.text, app.browser
+    with raises(DefsenseError, "takes-too-long"):
+        EditBasis.of(app.session).check_wanted(browser, 0.0)()
+    browser.is_open = False
+    with raises(DefsenseError, "cancelled"):
+        browser.ask("repair-cords", cords=[name])
+    browser.is_open = True
+    assert app.session.project.text == text
 
 
 def test_a_cord_that_was_moved_meanwhile_is_not_smoothed(app, monkeypatch):
