@@ -20,7 +20,7 @@ from ...core.mesh import Surface
 from ...geometry.kernels.surface_queries import SignedDistance, signed_distance_of
 from ..limits.verification import LayoutCheck, LimitViolation, verify
 from ..limits.worsening import worsened_limits
-from ..problem.cord_parameters import round_layout
+from ..problem.cord_parameters import effective_freedom, round_layout
 from ..problem.problem import Limits
 from ..search.starting_layouts import Layout
 from .descent import MAX_MARGIN_USE_MM
@@ -145,13 +145,15 @@ class _Repairer:
 
         With the freedoms of a search, a plane that several cords share stays, and so they share it.
         """
+        if not self._keeps_freedoms:
+            return frozenset({"path", "ends", *({"plane"} if sensor.curve.is_planar else ())})
+        free = effective_freedom(sensor, layout)
+        plane = PLANE_FREEDOMS & free
+        if not plane or not sensor.curve.is_planar:
+            return free
         others = (s for s in layout if s.name != sensor.name and s.curve.is_planar)
-        is_shared = sensor.curve.is_planar and any(s.plane.coincides(sensor.plane) for s in others)
-        allowed = sensor.free - PLANE_FREEDOMS if is_shared else sensor.free
-        plane = PLANE_FREEDOMS & allowed if self._keeps_freedoms else {"plane"}
-        if self._keeps_freedoms and not plane:
-            return allowed
-        return frozenset({"path", "ends", *(plane if sensor.curve.is_planar else ())})
+        is_shared = any(s.plane.coincides(sensor.plane) for s in others)
+        return frozenset({"path", "ends"} if is_shared else {"path", "ends", *plane})
 
     def _starts(
         self, sensor: Sensor, free: frozenset[str]

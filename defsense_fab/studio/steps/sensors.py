@@ -174,8 +174,8 @@ class SensorsStep(Step):
 
     def _smooth(self, client: Client, request: messages.SmoothCord) -> None:
         name, basis = self._cord(request.cord).name, EditBasis.of(self.session)
-        wanted = basis.check_wanted(client, _SMOOTH_S)
-        found = smooth_cord(basis.device, basis.surface, name, wanted)
+        check = basis.check_wanted(client, _SMOOTH_S)
+        found = smooth_cord(basis.device, basis.surface, name, check)
         edit = edits.smooth(name, found.sensor if found.has_moved else None)
         basis.apply(edit, "Smooth it again")
         if found.has_moved:
