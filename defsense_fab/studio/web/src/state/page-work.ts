@@ -1,4 +1,4 @@
-// Work that this page alone waits for, which the strip shows beside jobs.
+// Work of this page, such as a search, which the strip shows next to jobs.
 import { type Signal, computed, signal } from "@preact/signals";
 
 export interface PageWork {
