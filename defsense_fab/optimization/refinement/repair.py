@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -44,12 +46,14 @@ class Repair:
         moves: How far each changed cord moved at most, mm, by name.
         remaining: Limits that cords to be repaired still break.
         check: The layout's numbers.
+        is_complete: Whether the repair ended before its time was over.
     """
 
     sensors: Layout
     moves: Mapping[str, float]
     remaining: tuple[LimitViolation, ...]
     check: LayoutCheck
+    is_complete: bool
 
     @property
     def unrepaired(self) -> tuple[str, ...]:
@@ -66,6 +70,7 @@ def repair_layout(
     keeps_freedoms: bool = False,
     depth: SignedDistance | None = None,
     check_wanted: Callable[[], None] = lambda: None,
+    limit_s: float = math.inf,
 ) -> Repair:
     """Repair the cords that break a limit; the others stay as they are.
 
@@ -81,10 +86,22 @@ def repair_layout(
             ends and plane.
         depth: Depth below the surface, computed if not given.
         check_wanted: Called often; what it raises ends the repair.
+        limit_s: Time after which the cords that were not reached stay as they are, s.
     """
     depth = depth or signed_distance_of(surface)
-    repairer = _Repairer(surface, limits, depth, keeps_freedoms, check_wanted)
+    end = time.monotonic() + limit_s
+
+    def check_time() -> None:
+        check_wanted()
+        if time.monotonic() > end:
+            raise _TimeIsOver
+
+    repairer = _Repairer(surface, limits, depth, keeps_freedoms, check_time)
     return repairer.repair(tuple(sensors), names)
+
+
+class _TimeIsOver(Exception):
+    """Ends a repair with what it has found."""
 
 
 class _Repairer:
@@ -102,25 +119,37 @@ class _Repairer:
         self._keeps_freedoms, self._check_wanted = keeps_freedoms, check_wanted
 
     def repair(self, sensors: Layout, names: Collection[str] | None) -> Repair:
-        before = self._check(sensors)
+        before = verify(sensors, self._surface, self._limits, self._depth)
         movable = [s.name for s in sensors if names is None or s.name in names]
-        layout, check = sensors, before
-        for _ in range(_PASSES):
-            for name in _broken(check, movable):
-                if name in _broken(check, movable):  # another cord may have made room meanwhile
-                    layout, check = self._repair_cord(layout, check, name)
-            broken = _broken(check, movable)
-            if len(broken) > 1:
-                layout, check = self._repair_together(layout, check, broken)
-            if not _broken(check, movable):
-                break
+        best, is_complete = (sensors, before), True
+        try:
+            for best in self._improve(sensors, before, movable):
+                if not _broken(best[1], movable):
+                    break
+        except _TimeIsOver:
+            is_complete = False
+        layout, check = best
         moves = {
             new.name: _distance(old, new)
             for old, new in zip(sensors, layout, strict=True)
             if new is not old
         }
         remaining = tuple(v for v in check.violations if set(v.cords) & set(movable))
-        return Repair(layout, moves, remaining, check)
+        return Repair(layout, moves, remaining, check, is_complete)
+
+    def _improve(
+        self, layout: Layout, check: LayoutCheck, movable: Sequence[str]
+    ) -> Iterator[tuple[Layout, LayoutCheck]]:
+        """Yield layouts, each better than the one before or the same."""
+        for _ in range(_PASSES):
+            for name in _broken(check, movable):
+                if name in _broken(check, movable):  # another cord may have made room meanwhile
+                    layout, check = self._repair_cord(layout, check, name)
+                    yield layout, check
+            broken = _broken(check, movable)
+            if len(broken) > 1:
+                layout, check = self._repair_together(layout, check, broken)
+                yield layout, check
 
     def _repair_cord(
         self, layout: Layout, check: LayoutCheck, name: str

@@ -218,11 +218,13 @@ class RepairResult(Result, frozen=True, kw_only=True):
         cords: Names of the cords that moved.
         largest_move: How far a point of their paths moved at most, mm.
         remaining: Limits that are still broken, in words.
+        is_complete: Whether all cords were tried before the time was over.
     """
 
     cords: list[str]
     largest_move: float
     remaining: list[str]
+    is_complete: bool
 
 
 class RepairCords(Request, frozen=True, kw_only=True):

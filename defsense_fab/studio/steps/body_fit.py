@@ -23,7 +23,7 @@ from ...workflow.view import Client, Request
 from ..background.latest_worker import LatestWorker
 from ..edits.body_fit import fit_to_body
 from ..messages import body as messages
-from ..session.computed_edit import EditBasis
+from ..session.computed_edit import REPAIR_S, EditBasis
 from ..session.cord_states import rounded
 from ..session.device_session import DeviceSession
 from ..session.step import Handler, Step
@@ -133,21 +133,29 @@ class BodyFitStep(Step):
                 action="Repair the cords, or move regions by hand",
             )
         names = [s.name for s in device.sensors if ("cord", s.name) in misfits]
-        fitted = fit_cords(device, surface, names, maps, basis.check_wanted(client))
+        check = basis.check_wanted(client)
+        fitted = fit_cords(device, surface, names, maps, check, REPAIR_S)
         pairs = zip(device.sensors, fitted.sensors, strict=True)
         changed = [new for old, new in pairs if new is not old]
         edit = fit_to_body(device, changed, maps, moved)
         basis.apply(edit, "Fit again", changes_poses=True)
-        session.notify(describe_result(edit.name, fitted.remaining))
+        session.notify(describe_result(edit.name, fitted.remaining, fitted.is_complete))
 
 
-def describe_result(name: str, remaining: Sequence[LimitViolation]) -> str:
-    """Return what an edit has changed, and the limits that are still broken."""
+def describe_result(name: str, remaining: Sequence[LimitViolation], is_complete: bool) -> str:
+    """Return what an edit has changed, and the limits that are still broken.
+
+    Args:
+        name: Name of the edit.
+        remaining: The limits.
+        is_complete: Whether all cords that break one were tried.
+    """
     done = f"Done: {name.replace('`', '')}."
     if not remaining:
         return done
     listed = "; ".join(dict.fromkeys(str(violation) for violation in remaining))
-    return f"{done} Not within the limits: {listed}"
+    end = "" if is_complete else ". There was no time for the others: repair them in Sensors"
+    return f"{done} Not within the limits: {listed}{end}"
 
 
 def describe_misfits(misfits: Sequence[Misfit], noun: str) -> str:

@@ -22,7 +22,7 @@ from ..edits import cords as edits
 from ..edits.edit import Edit, free_name
 from ..messages import sensors as messages
 from ..session.built_cords import built_cords
-from ..session.computed_edit import EditBasis
+from ..session.computed_edit import REPAIR_S, EditBasis
 from ..session.cord_check import CordCheck
 from ..session.cord_states import path_points, plane_of, rounded
 from ..session.device_session import DeviceSession
@@ -174,8 +174,8 @@ class SensorsStep(Step):
 
     def _smooth(self, client: Client, request: messages.SmoothCord) -> None:
         name, basis = self._cord(request.cord).name, EditBasis.of(self.session)
-        check = basis.check_wanted(client, _SMOOTH_S)
-        found = smooth_cord(basis.device, basis.surface, name, check)
+        check = basis.check_wanted(client)
+        found = smooth_cord(basis.device, basis.surface, name, check, _SMOOTH_S)
         edit = edits.smooth(name, found.sensor if found.has_moved else None)
         basis.apply(edit, "Smooth it again")
         if found.has_moved:
@@ -186,13 +186,15 @@ class SensorsStep(Step):
         basis = EditBasis.of(self.session)
         assert basis.surface is not None
         names = [self._cord(name).name for name in request.cords] or None
-        found = repair_cords(basis.device, basis.surface, names, basis.check_wanted(client))
+        check = basis.check_wanted(client)
+        found = repair_cords(basis.device, basis.surface, names, check, REPAIR_S)
         edit = edits.repair([s for s in found.sensors if s.name in found.moves])
         basis.apply(edit, "Repair again")
         return messages.RepairResult(
             cords=list(found.moves),
             largest_move=max(found.moves.values()),
             remaining=[str(violation) for violation in found.remaining],
+            is_complete=found.is_complete,
         )
 
     def _duplicate(self, _: Client, request: messages.DuplicateCord) -> messages.CordResult:

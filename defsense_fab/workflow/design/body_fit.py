@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -95,6 +96,7 @@ def fit_cords(
     names: Collection[str],
     maps: Mapping[Item, BoxMap],
     check_wanted: Callable[[], None] = lambda: None,
+    limit_s: float = math.inf,
 ) -> Repair:
     """Move cords with the bounding box of the body, and repair the limits that they break there.
 
@@ -104,6 +106,7 @@ def fit_cords(
         names: Names of the cords; the others stay.
         maps: Maps from the earlier body, for the cords that were made for it.
         check_wanted: Called often; what it raises ends the repair.
+        limit_s: Time after which the cords that were not reached are not repaired, s.
 
     Raises:
         DeviceError: No length of channel is allowed.
@@ -113,7 +116,9 @@ def fit_cords(
         box_map = maps.get(("cord", sensor.name)) if sensor.name in names else None
         moved.append(sensor if box_map is None else box_map.cord(sensor))
     limits = layout_limits(device)
-    return repair_layout(moved, surface, limits, names=names, check_wanted=check_wanted)
+    return repair_layout(
+        moved, surface, limits, names=names, check_wanted=check_wanted, limit_s=limit_s
+    )
 
 
 class BoxMap:

@@ -1,7 +1,9 @@
 """Cords that break a limit are moved as little as possible until they keep all of them."""
 
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from defsense_fab.core.errors import LayoutError
 from defsense_fab.optimization.limits.verification import verify
 from defsense_fab.optimization.limits.worsening import worsened_limits
 from defsense_fab.optimization.prediction.design_task import layout_limits
+from defsense_fab.optimization.refinement import repair as repair_module
 from defsense_fab.optimization.refinement.repair import repair_layout
 from defsense_fab.store.build import Build
 from defsense_fab.workflow.build.build import build_body
@@ -104,6 +107,21 @@ def test_a_repair_ends_when_nobody_wants_it_any_more(bar):
     bent = cord(moves=[(3, 0, 9), (4, -22, 2)])
     with raises(LayoutError, "cancelled"):
         repair_layout([bent], bar, LIMITS, check_wanted=check_wanted)
+
+
+def test_a_repair_whose_time_is_over_keeps_what_it_has_repaired(bar, monkeypatch):
+    bent = [(3, 0, 9), (4, -22, 2)]
+    layout = [cord("a", z=-5.0, moves=bent), cord("b", z=5.0, moves=bent)]
+    assert repair_layout(layout, bar, LIMITS).is_complete
+    calls = count()
+    repair_layout(layout, bar, LIMITS, names=["a"], check_wanted=lambda: next(calls))
+    clock = count()
+    monkeypatch.setattr(repair_module, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    found = repair_layout(layout, bar, LIMITS, limit_s=next(calls) + 1)
+    assert not found.is_complete
+    assert found.moves.keys() == {"a"}
+    assert found.unrepaired == ("b",)
+    assert found.sensors[1] is layout[1]
 
 
 def test_only_what_a_search_may_move_is_moved(bar):

@@ -9,7 +9,6 @@ import pytest
 from defsense_fab.core.errors import DefsenseError, DeviceError, LayoutError
 from defsense_fab.studio.messages.sensors import Prediction, ProposalProgress, SmoothCord
 from defsense_fab.studio.messages.shell import DeviceState, Pipeline, Undo
-from defsense_fab.studio.session.computed_edit import EditBasis
 from defsense_fab.studio.steps import propose as propose_module
 from defsense_fab.studio.steps import sensors as sensors_module
 from defsense_fab.studio.steps.makeable_proposal import Proposal
@@ -167,12 +166,14 @@ def test_a_repair_does_not_overwrite_what_was_drawn_meanwhile(app, monkeypatch):
     assert written(app)[other].free == {"path"}
 
 
-def test_repairs_end_with_their_page_and_smoothing_after_a_while(app):
+def test_repairs_end_with_their_page_or_when_their_time_is_over(app, monkeypatch):
     name = next(iter(cords(app)))
     drag(app, name, 3, [0.0, 9.0])
     text, browser = app.session.project.text, app.browser
-    with raises(DefsenseError, "takes-too-long"):
-        EditBasis.of(app.session).check_wanted(browser, 0.0)()
+    monkeypatch.setattr(sensors_module, "REPAIR_S", 0.0)
+    with raises(LayoutError, "takes-too-long"):
+        browser.ask("repair-cords", cords=[name])
+    monkeypatch.undo()
     browser.is_open = False
     with raises(DefsenseError, "cancelled"):
         browser.ask("repair-cords", cords=[name])

@@ -3294,11 +3294,13 @@ export interface AnimationResult {
  *         cords: Names of the cords that moved.
  *         largest_move: How far a point of their paths moved at most, mm.
  *         remaining: Limits that are still broken, in words.
+ *         is_complete: Whether all cords were tried before the time was over.
  */
 export interface RepairResult {
   cords: string[];
   largestMove: number;
   remaining: string[];
+  isComplete: boolean;
 }
 /**
  * The newest frame's facts; None before the first frame.

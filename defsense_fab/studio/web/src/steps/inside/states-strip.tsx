@@ -6,6 +6,7 @@ import { inside } from "./section-view";
 export function StatesStrip() {
   const states = inside.value?.states ?? [];
   if (!states.length) return <p class="field-help">Simulate the poses to see their states.</p>;
+  if (!view.plane.value) return null; // what is shown first is not set yet
   const state = view.state.value;
   const last = states.length - 1;
   const label = states[state]?.label ?? "";
