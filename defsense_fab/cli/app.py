@@ -146,13 +146,13 @@ def make_app() -> Command:
     for position, (task, commands) in enumerate(_TASKS.items()):
         group = Group(task, sort_key=position)
         for order, (name, (module, text)) in enumerate(commands.items()):
-            app.command(
-                f"{__package__}.{module}:{name}", name=name, help=text, group=group, sort_key=order
-            )
+            place = module if ":" in module else f"{module}:{name}"
+            app.command(f"{__package__}.{place}", name=name, help=text, group=group, sort_key=order)
     return app
 
 
-#: Commands by task, in the order of the help, with their modules and descriptions.
+#: Commands by task, in the order of the help, with their modules and descriptions. The variable in
+#: the module has the name of the command unless it is given.
 _TASKS: dict[str, dict[str, tuple[str, str]]] = {
     "Design and make a device": {
         "new": ("design.new", "Create a device folder to build"),
@@ -166,6 +166,7 @@ _TASKS: dict[str, dict[str, tuple[str, str]]] = {
         "traces": ("design.traces", "Check the G-code of a device with printed traces"),
         "study": ("design.study", "Compare designs: numbers of cords, or values of device.toml"),
         "studio": ("design.studio", "Edit and watch a device in the browser"),
+        "open": ("design.open:open_page", "Open the report or the assembly guide in the browser"),
     },
     "Set up the read-out board": {
         "board": ("board.board", "Set up, check and read the board that measures the cords"),
@@ -189,6 +190,7 @@ _TASKS: dict[str, dict[str, tuple[str, str]]] = {
         "reproduce": ("design.reproduce", "Repeat the experiments of the paper"),
     },
     "Help": {
+        "list": ("help.list:list_rows", "Show the materials, cords and printers to choose from"),
         "doctor": ("help.doctor", "Check dependencies and show how to install missing ones"),
         "cache": ("help.cache", "Clear cached meshes, solved poses and compiled code"),
         "licences": ("help.licences", "List the licenses of the installed libraries"),

@@ -56,6 +56,8 @@ _INTERRUPTED = {
     "doctor": "Nothing was changed.",
     "cache": "Some files were deleted; rerun the command to delete the others.",
     "licences": "Nothing was changed.",
+    "list": "Nothing was changed.",
+    "open": "Nothing was changed.",
     "completion": "Nothing was changed.",
     "traces": "Nothing was written.",
     "twin": "No incomplete session is kept; solved states are reused by the next run.",

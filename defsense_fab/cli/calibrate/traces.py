@@ -45,7 +45,7 @@ def _coupon(
 
     Args:
         folder: Folder for the files.
-        process: Set the process, a row of data/printers.csv.
+        process: Set the process; see defsense list printers.
     """
     from ...workflow.calibrate.traced_parts import choose_traces, write_trace_coupon
 
@@ -55,7 +55,7 @@ def _coupon(
             "no conductive filament is given",
             code="argument-missing",
             where="trace",
-            action="Give a row of data/traces.csv, or a device with printed traces as --device",
+            action="Give one (see defsense list filaments), or a device with traces as --device",
         )
     data = write_trace_coupon(folder, printing).data
     with standard_output():

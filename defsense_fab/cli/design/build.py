@@ -37,7 +37,7 @@ def _stage_command(name: str, last_stage: str) -> Command:
 
     @app.default
     def run(
-        folder: DeviceFolder,
+        folder: DeviceFolder = Path(),
         /,
         *,
         overrides: Overrides = (),
@@ -47,7 +47,7 @@ def _stage_command(name: str, last_stage: str) -> Command:
         """Run the stages of a build. Results that are up to date are reused.
 
         Args:
-            folder: Folder that contains device.toml.
+            folder: Folder that contains device.toml; the current folder if omitted.
         """
         from ...core.device.device_file import load_device
         from ...workflow.build.build import build as run_stages

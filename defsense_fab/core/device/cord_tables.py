@@ -97,7 +97,7 @@ class CordTable(Table, frozen=True):
     name: Annotated[
         str | None,
         key(
-            "Row of `data/cords.csv`, or any name together with the next four keys.",
+            "Name in `defsense list cords`, or any name together with the next four keys.",
             default='required; `"custom"` with the next four keys',
         ),
     ] = None

@@ -24,7 +24,7 @@ class FabricationTable(Table, frozen=True):
     process: Annotated[
         str | None,
         key(
-            "Row of `data/printers.csv`, which has its walls, clearances and bed.",
+            "Name in `defsense list printers`, which has its walls, clearances and bed.",
             choices=_ROWS,
         ),
     ] = None
@@ -113,7 +113,7 @@ class FabricationTable(Table, frozen=True):
         key(
             "Linear shrinkage of the silicone, as a share of the length, with a process that"
             " casts.",
-            default="the one in `data/silicones.csv`",
+            default="the one in `defsense list silicones`",
         ),
     ] = None
 

@@ -36,7 +36,7 @@ class MaterialTable(Table, frozen=True):
     name: Annotated[
         str,
         key(
-            "Row of `data/materials.csv`, whose columns give the source of each modulus and what"
+            "Name in `defsense list materials`, which gives the source of each modulus and what"
             " it was compared with; any name if you give your own values.",
         ),
     ] = "custom"

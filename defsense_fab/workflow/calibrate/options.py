@@ -31,8 +31,8 @@ class PrintOptions:
     """How calibration parts are printed.
 
     Attributes:
-        cord: Set the cord: a row of data/cords.csv, or the diameter of another cord in mm.
-        process: Set the process, a row of data/printers.csv.
+        cord: Set the cord (see defsense list cords), or the diameter of another cord in mm.
+        process: Set the process; see defsense list printers.
     """
 
     cord: str = "rubber-2mm"
@@ -44,7 +44,7 @@ class TraceOptions:
     """Printed traces of calibration parts, in place of cords.
 
     Attributes:
-        trace: Set the conductive filament, a row of data/traces.csv, to print traces.
+        trace: Set the conductive filament (see defsense list filaments), to print traces.
         trace_width: Set the width of the traces in mm (default: 1.2).
         trace_height: Set the height of the traces in mm (default: 0.8).
         device: Set a device with printed traces, whose [cord] and [fabrication] are used.

@@ -61,11 +61,11 @@ class NewOptions:
         size: Set the longest side of a mesh in mm, for a file of unknown unit (in place of units).
         poses: Set the poses: modes (from the body's natural modes), or some of bend, bend_side,
             twist and pull, separated by commas (default: fitted to the body).
-        cord: Set the cord, a row of data/cords.csv (default: rubber-2mm, or that of the example).
+        cord: Set the cord; see defsense list cords (default: rubber-2mm, or that of the example).
         cords: Set the number of cords to place (default: one per pose, at least 3).
         name: Set the name of the device (default: name of the folder).
-        process: Set the fabrication process, a row of data/printers.csv (default: fdm-tpu).
-        material: Set the material, a row of data/materials.csv (default: that of the process).
+        process: Set the fabrication process; see defsense list printers (default: fdm-tpu).
+        material: Set the material; see defsense list materials (default: that of the process).
         edge_length: Set the edge length of the mesh in mm (default: fitted to the body).
 
     Raises:

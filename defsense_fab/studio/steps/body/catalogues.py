@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from ....core.device.catalogues import CATALOGUES, Catalogue
 from ....core.device.device import Device
-from ....core.device.filaments import read_filaments
 from ....core.errors import DeviceError
-from ....core.storage.package_data import read_rows
 from ...edits.body import choose_cord, choose_material, choose_printer, choose_trace
 from ...edits.edit import Edit
 from ...messages import body as messages
@@ -19,104 +18,35 @@ _Cell = float | str | None
 
 
 @dataclass(frozen=True)
-class _Kind:
-    """A catalogue.
+class _Choice:
+    """How a device chooses a row of a catalogue.
 
     Attributes:
+        catalogue: Name of the catalogue.
         table: Table of `device.toml` that names the row.
-        columns: Label, unit, and name in the catalogue and in `device.toml` of each column.
-        rows: Returns the rows by name.
         choose: Returns the edit that chooses a row.
         chosen: Returns the name of the row that a device uses.
-        note: Column that states what kind of values the row has.
     """
 
+    catalogue: str
     table: str
-    columns: tuple[tuple[str, str, str], ...]
-    rows: Callable[[], Mapping[str, Mapping[str, str]]]
     choose: Callable[[str], Edit]
     chosen: Callable[[Device], str]
-    note: str = ""
+
+    @property
+    def content(self) -> Catalogue:
+        """The catalogue."""
+        return CATALOGUES[self.catalogue]
 
 
-@cache
-def _printer_rows() -> dict[str, dict[str, str]]:
-    return {
-        name: {**row, "bed": " × ".join(row[f"bed_{axis}"] for axis in "xyz")}
-        for name, row in read_rows("printers.csv").items()
-    }
-
-
-@cache
-def _filament_rows() -> dict[str, dict[str, str]]:
-    columns = {
-        "resistivity": "resistivity",
-        "gauge_factor": "gauge_factor",
-        "max_strain": "max_strain",
-        "young_modulus": "modulus",
-    }
-    return {
-        name: {
-            **{to: str(row[column].value) for column, to in columns.items()},
-            "source": row["resistivity"].source,
-        }
-        for name, row in read_filaments().items()
-    }
-
-
-_KINDS: dict[messages.CatalogueName, _Kind] = {
-    "material": _Kind(
-        "material",
-        (
-            ("Young's modulus", "MPa", "young_modulus"),
-            ("Shore hardness", "", "shore"),
-            ("Elongation at break", "%", "elongation_at_break"),
-            ("Poisson's ratio", "", "poisson_ratio"),
-            ("Density", "g/cm³", "density"),
-        ),
-        lambda: read_rows("materials.csv"),
-        choose_material,
-        lambda device: device.material.name,
-        "basis",
+_CHOICES: dict[messages.CatalogueName, _Choice] = {
+    "material": _Choice(
+        "materials", "material", choose_material, lambda device: device.material.name
     ),
-    "cord": _Kind(
-        "cord",
-        (
-            ("Diameter", "mm", "diameter"),
-            ("Resistance", "Ω/mm", "ohm_per_mm"),
-            ("Gauge factor", "", "gauge_factor"),
-            ("Largest strain", "", "max_strain"),
-            ("Bend radius", "mm", "min_bend_radius"),
-        ),
-        lambda: read_rows("cords.csv"),
-        choose_cord,
-        lambda device: device.cord.name,
-    ),
-    "trace": _Kind(
-        "cord",
-        (
-            ("Resistivity", "Ω mm", "resistivity"),
-            ("Gauge factor", "", "gauge_factor"),
-            ("Largest strain", "", "max_strain"),
-            ("Young's modulus", "MPa", "modulus"),
-        ),
-        _filament_rows,
-        choose_trace,
-        lambda device: device.cord.name,
-    ),
-    "printer": _Kind(
-        "fabrication",
-        (
-            ("Wall", "mm", "wall"),
-            ("Clearance", "mm", "clearance"),
-            ("Layer", "mm", "layer"),
-            ("Smallest hole", "mm", "hole"),
-            ("Bed", "mm", "bed"),
-        ),
-        _printer_rows,
-        choose_printer,
-        lambda device: device.fabrication.process,
-        "kind",
+    "cord": _Choice("cords", "cord", choose_cord, lambda device: device.cord.name),
+    "trace": _Choice("filaments", "cord", choose_trace, lambda device: device.cord.name),
+    "printer": _Choice(
+        "printers", "fabrication", choose_printer, lambda device: device.fabrication.process
     ),
 }
 #: Names of the files in words, by the content of the column `note`.
@@ -127,26 +57,22 @@ _NOTES = {"print": "printed", "cast": "cast in printed moulds"}
 def catalogues() -> messages.Catalogues:
     """Return all catalogues."""
     return messages.Catalogues(
-        catalogues=[
-            messages.Catalogue(
-                name=name,
-                columns=[
-                    messages.CatalogueColumn(label=label, unit=unit)
-                    for label, unit, _ in kind.columns
-                ],
-                rows=[
-                    messages.CatalogueRow(
-                        name=row_name,
-                        values=[_cell(row.get(column)) for *_, column in kind.columns],
-                        note=_NOTES.get(row.get(kind.note, ""), row.get(kind.note, "")),
-                        source=row["source"],
-                    )
-                    for row_name, row in kind.rows().items()
-                ],
-            )
-            for name, kind in _KINDS.items()
-        ]
+        catalogues=[_describe(name, choice.content) for name, choice in _CHOICES.items()]
     )
+
+
+def _describe(name: messages.CatalogueName, catalogue: Catalogue) -> messages.Catalogue:
+    rows = [
+        messages.CatalogueRow(
+            name=row_name,
+            values=[_cell(row.get(column.name)) for column in catalogue.columns],
+            note=_NOTES.get(row.get(catalogue.note, ""), row.get(catalogue.note, "")),
+            source=row["source"],
+        )
+        for row_name, row in catalogue.rows().items()
+    ]
+    columns = [messages.CatalogueColumn(label=c.label, unit=c.unit) for c in catalogue.columns]
+    return messages.Catalogue(name=name, columns=columns, rows=rows)
 
 
 def catalogue_choices(
@@ -168,8 +94,8 @@ def row_edit(name: messages.CatalogueName, row: str) -> Edit:
     Raises:
         DeviceError: The catalogue has no such row (`unknown-row`).
     """
-    kind = _KINDS[name]
-    rows = kind.rows()
+    choice = _CHOICES[name]
+    rows = choice.content.rows()
     if row not in rows:
         raise DeviceError(
             f"{row!r} is not a {name} of the catalogue",
@@ -177,16 +103,16 @@ def row_edit(name: messages.CatalogueName, row: str) -> Edit:
             action=f"Choose one of: {', '.join(rows)}",
             name=row,
         )
-    return kind.choose(row)
+    return choice.choose(row)
 
 
 def _choice(
     name: messages.CatalogueName, device: Device, document: Mapping[str, Any]
 ) -> messages.CatalogueChoice:
-    kind = _KINDS[name]
-    chosen = kind.chosen(device)
-    row, table = kind.rows().get(chosen), document.get(kind.table, {})
-    values = [_cell(table.get(column, (row or {}).get(column))) for *_, column in kind.columns]
+    choice = _CHOICES[name]
+    chosen, columns = choice.chosen(device), choice.content.columns
+    row, table = choice.content.rows().get(chosen), document.get(choice.table, {})
+    values = [_cell(table.get(c.name, (row or {}).get(c.name))) for c in columns]
     if name == "material":  # it may follow from the hardness or from other constants
         values[0] = device.material.young_modulus
     return messages.CatalogueChoice(
@@ -194,7 +120,7 @@ def _choice(
         name=chosen,
         values=values,
         is_custom=row is None,
-        changed=[label for label, _, column in kind.columns if column in table],
+        changed=[column.label for column in columns if column.name in table],
     )
 
 

@@ -1,0 +1,84 @@
+"""Command `defsense list`: show the materials, cords, printers and others to choose from."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import Literal
+
+from ...core.device.catalogues import CATALOGUES, Catalogue
+from ...core.errors import DeviceError
+from ..app import command
+from ..output import OutputOptions, console, print_json, print_lines, standard_output
+
+_NO_OUTPUT = OutputOptions()
+
+list_rows = command(
+    "list",
+    "defsense list materials",
+    "defsense list printers fdm-tpu",
+    "defsense list cords --json",
+)
+
+
+@list_rows.default
+def _list(
+    kind: Literal["materials", "cords", "filaments", "printers", "silicones"] | None = None,
+    name: str = "",
+    /,
+    *,
+    output: OutputOptions = _NO_OUTPUT,
+) -> None:
+    """Show the materials, cords, printers and others that device.toml can name.
+
+    With a name, all its numbers and their source are shown.
+
+    Args:
+        kind: What to list; the lists if omitted.
+        name: One of them.
+    """
+    if kind is None:
+        counts = {key: len(catalogue.rows()) for key, catalogue in CATALOGUES.items()}
+        with standard_output():
+            if output.json:
+                print_json(counts)
+            else:
+                print_lines(
+                    f"{count:3} {key}: defsense list {key}" for key, count in counts.items()
+                )
+        return
+    catalogue = CATALOGUES[kind]
+    rows = catalogue.rows()
+    if name and name not in rows:
+        similar = get_close_matches(name, rows, n=1)
+        raise DeviceError(
+            f"{name!r} is not one of the {kind}",
+            code="unknown-row",
+            action=f"Did you mean {similar[0]}?" if similar else f"See defsense list {kind}",
+            name=name,
+        )
+    with standard_output():
+        if output.json:
+            print_json(rows[name] if name else rows)
+        elif name:
+            print_lines(f"{key}: {value}" for key, value in rows[name].items() if value)
+        else:
+            _print_table(kind, catalogue)
+            print_lines([f"All numbers and the source of one: defsense list {kind} NAME"])
+
+
+def _print_table(kind: str, catalogue: Catalogue) -> None:
+    from rich.table import Table
+
+    table = Table(title=kind.capitalize(), box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    columns = [(column.name, column.label, column.unit) for column in catalogue.columns]
+    if catalogue.note:
+        columns.append((catalogue.note, catalogue.note.capitalize(), ""))
+    table.add_column("Name", no_wrap=True)
+    for key, label, unit in columns:
+        heading = f"{label}\n({unit})" if unit else label
+        unbroken = [row[key] for row in catalogue.rows().values()] + heading.split()
+        width = max(map(len, unbroken))
+        table.add_column(heading, justify="right", min_width=width)
+    for name, row in catalogue.rows().items():
+        table.add_row(name, *(row[key] for key, *_ in columns))
+    console().print(table)
