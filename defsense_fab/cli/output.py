@@ -138,13 +138,19 @@ def silent_stdout() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def progress_bars(output: OutputOptions) -> Iterator[Progress]:
-    """Show progress, and keep the last message in `activity` for errors."""
+def progress_bars(output: OutputOptions, stages: Sequence[str] = ()) -> Iterator[Progress]:
+    """Show progress, and keep the last message in `activity` for errors.
+
+    Args:
+        output: How the command shows its result.
+        stages: Names of all stages in their order, to number them.
+    """
+    titles = {name: f"[{k}/{len(stages)}] {name}" for k, name in enumerate(stages, 1)}
     with _progress_display(output) as show:
 
         def report(stage: str, fraction: float, message: str) -> None:
             activity.step = f"{stage}: {message}"
-            show(stage, fraction, message)
+            show(titles.get(stage, stage), fraction, message)
 
         yield report
 
@@ -160,14 +166,14 @@ def _progress_display(output: OutputOptions) -> Iterator[Progress]:
             yield lines
         return
     from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bars
 
     with Bars(
-        TextColumn("{task.fields[stage]:<10}"),
+        TextColumn("{task.fields[stage]:<15}"),
         BarColumn(bar_width=30),
         TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
         TextColumn("{task.description}"),
         console=Console(stderr=True),
     ) as bars:
@@ -218,7 +224,7 @@ class ProgressLines:
 
     def _write(self, suffix: str) -> None:
         stage, fraction, message = self._latest
-        sys.stderr.write(f"{stage:<10} {100 * fraction:3.0f} %  {message}{suffix}\n")
+        sys.stderr.write(f"{stage:<15} {100 * fraction:3.0f} %  {message}{suffix}\n")
         sys.stderr.flush()
         self._last_printed = time.monotonic()
 

@@ -53,13 +53,15 @@ def _stage_command(name: str, last_stage: str) -> Command:
         from ...workflow.build.build import build as run_stages
         from ...workflow.build.build import summary
         from ...workflow.build.recorded_options import recorded_options
-        from ...workflow.build.stages import STAGES_WITHOUT_CORDS
+        from ...workflow.build.stages import STAGES, STAGES_WITHOUT_CORDS
 
         _refuse_unused(name, options)
         needs_cords = last_stage not in STAGES_WITHOUT_CORDS
         device = load_device(folder, parse_overrides(overrides), cords=needs_cords)
         previous = recorded_options(device, device.source / "build")
-        with silent_stdout(), progress_bars(output) as progress:
+        names = [stage.name for stage in STAGES]
+        stages = names[: names.index(last_stage) + 1]
+        with silent_stdout(), progress_bars(output, stages) as progress:
             result = run_stages(device, last_stage, progress, options=options)
         with standard_output():
             if output.json:

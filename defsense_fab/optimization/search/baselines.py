@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.curve import Plane
+from ...core.device.device import new_sensor_names
 from ...core.mesh import Surface
 from ..limits.polyline_distance import path_gaps
 from ..problem.problem import Problem, green_strains, sample_interior
@@ -96,5 +97,6 @@ def _parallel_pool(problem: Problem, starts: Float, plane: Plane) -> Pool:
 
 def _layout(pool: Pool, chosen: range | list[int]) -> Layout:
     return tuple(
-        pool.sensor(k, f"cord-{i + 1}", frozenset({"path", "plane"})) for i, k in enumerate(chosen)
+        pool.sensor(k, name, frozenset({"path", "plane"}))
+        for k, name in zip(chosen, new_sensor_names(()), strict=False)
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.curve import distinct_planes
-from ...core.device.device import Sensor
+from ...core.device.device import Sensor, new_sensor_names
 from ...core.errors import LayoutError
 from ...core.progress import Report
 from ..limits.polyline_distance import path_gaps
@@ -216,11 +216,8 @@ def candidate_choices(
     if extra:
         if needs_families and not len(families):
             raise no_room_error(problem, len(drawn) + extra)
-        used = {s.name for s in drawn}
-        word = problem.limits.noun
-        names = (f"{word}-{i}" for i in range(1, len(drawn) + extra + 1 + len(used)))
-        new_names = [n for n in names if n not in used][:extra]
-        out += [CordChoices(n, free, families) for n in new_names]
+        names = itertools.islice(new_sensor_names(s.name for s in drawn), extra)
+        out += [CordChoices(name, free, families) for name in names]
     return out
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
+from ...core.device.device import new_sensor_names
 from ...core.errors import DefsenseError
 from ...workflow.view import Client, Request
 from ..background.background_job import CANCELLED
 from ..edits import cords as edits
-from ..edits.edit import free_name
 from ..messages import sensors as messages
 from ..session.computed_edit import EditBasis
 from ..session.cord_check import CordCheck
@@ -60,7 +60,7 @@ class ProposeStep(Step):
 
         try:
             self._wait_for_results(check_canceled)
-            name = free_name("cord", [s.name for s in sensors])
+            name = next(new_sensor_names(s.name for s in sensors))
             found = makeable_proposal(judge, self._check, sensors, name, report)
             check_canceled()
         finally:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...core.curve import Hermite, catmull_rom, is_smooth
-from ...core.device.device import Sensor
+from ...core.device.device import Sensor, new_sensor_names
 from ...core.errors import DefsenseError, DeviceError, LayoutError
 from ...workflow.build.results import has_parts
 from ...workflow.design.body_fit import check_cords
@@ -19,7 +19,7 @@ from ...workflow.design.repair_cords import repair_cords, smooth_cord
 from ...workflow.view import Client, Request
 from ..background.latest_worker import LatestWorker
 from ..edits import cords as edits
-from ..edits.edit import Edit, free_name
+from ..edits.edit import Edit
 from ..messages import sensors as messages
 from ..session.built_cords import built_cords
 from ..session.computed_edit import REPAIR_S, EditBasis
@@ -206,18 +206,18 @@ class SensorsStep(Step):
         else:
             points = sensor.curve.points + np.array([0.0, 0.0, shift])
             copy = replace(sensor, curve=Hermite(points, sensor.curve.tangents))
-        return self._add(replace(copy, name=self._free_name(sensor.name)))
+        return self._add(replace(copy, name=self._new_name()))
 
     def _mirror(self, _: Client, request: messages.MirrorCord) -> messages.CordResult:
         sensor, vertices = self._cord(request.cord), self._vertices()
         middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-        name = self._free_name(f"{sensor.name}-mirrored")
+        name = self._new_name()
         normal = np.eye(3)["xyz".index(request.axis)]
         self._apply(edits.mirror_cord(sensor.name, name, middle, normal))
         return messages.CordResult(name=name)
 
     def _add_straight(self, _: Client, __: messages.AddStraight) -> messages.CordResult:
-        return self._add(simulated_judge(self.session).new_cord(self._free_name("cord")))
+        return self._add(simulated_judge(self.session).new_cord(self._new_name()))
 
     def _outline(self, _: Client, request: messages.OutlineOf) -> messages.PlaneOutline:
         plane, vertices = plane_of(request.origin, request.axes), self._vertices()
@@ -238,7 +238,7 @@ class SensorsStep(Step):
         assert self.session.newest_surface is not None
         curve = fit_stroke(self.session.newest_surface, plane, stroke)
         if not request.replaces:
-            cord = Sensor(self._free_name("cord"), plane, curve, frozenset({"path"}))
+            cord = Sensor(self._new_name(), plane, curve, frozenset({"path"}))
             return self._add(cord)
         sensor = self._cord(request.replaces)
         if not (sensor.curve.is_planar and sensor.plane.coincides(plane)):
@@ -271,8 +271,8 @@ class SensorsStep(Step):
         self._apply(edits.add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free)))
         return messages.CordResult(name=cord.name)
 
-    def _free_name(self, name: str) -> str:
-        return free_name(name, [s.name for s in self.session.device.sensors])
+    def _new_name(self) -> str:
+        return next(new_sensor_names(s.name for s in self.session.device.sensors))
 
     def _cord(self, name: str) -> Sensor:
         for sensor in self.session.device.sensors:

@@ -152,7 +152,7 @@ def test_locked_cords_stay(problem, straight):
 
 def test_a_proposal_keeps_the_limits(problem):
     found = search(problem, extra=2, starts=2, candidates=2000)
-    assert [s.name for s in found.sensors] == ["cord-1", "cord-2"]
+    assert [s.name for s in found.sensors] == ["A", "B"]
     assert found.rmse <= layout_error(problem, found.initial)
     assert not verify(found.sensors, problem.surface, LIMITS).violations
 

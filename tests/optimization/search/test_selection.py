@@ -14,5 +14,5 @@ def test_a_cord_is_added_next_to_two_close_cords(problem, straight, distance):
     )
     assert not verify(locked, problem.surface, problem.limits).violations
     found = search(problem, locked, seed=1, extra=1, starts=1, finalists=1, candidates=1500)
-    assert [s.name for s in found.sensors] == ["a", "b", "cord-1"]
+    assert [s.name for s in found.sensors] == ["a", "b", "C"]
     assert not verify(found.sensors, problem.surface, problem.limits).violations

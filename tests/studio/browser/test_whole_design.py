@@ -210,14 +210,14 @@ def test_a_device_is_designed_by_keyboard_alone(design, tmp_path):
     page.get_by_role("heading", name="3 cords").wait_for()
     person.press("Delete")
     page.get_by_text("The device has no cords yet").wait_for()
-    for count, name in enumerate(("cord", "cord_2"), start=1):
+    for count, name in enumerate(("A", "B"), start=1):
         person.press("n")
         page.get_by_role("heading", name=name, exact=True).wait_for()
         design.cords(count)
     person.press("g")
     person.tab_to(page.get_by_role("button", name="Move the plane along its normal"))
     person.press("Shift+ArrowUp", "g")  # by 5 mm
-    person.tab_to(page.get_by_role("button", name="cord_2, point 3 of 6"))
+    person.tab_to(page.get_by_role("button", name="B, point 3 of 6"))
     before = design.device.sensors[1].curve.points[2].copy()
     person.press("ArrowUp")
     assert until(lambda: design.device.sensors[1].curve.points[2][1] == before[1] + 0.5)

@@ -90,9 +90,9 @@ def folder(tmp_path_factory):
 def test_body_and_traces_are_one_object(folder):
     manifest = Build(folder / "build").manifest
     assert [p.name for p in manifest.parts] == ["1-whole"]
-    assert [t.name for t in manifest.traces] == ["trace-1", "trace-2"]
+    assert [t.name for t in manifest.traces] == ["A", "B"]
     parts = folder / "build" / "parts"
-    volumes = [trimesh.load_mesh(parts / f"{n}.stl").volume for n in ("1-whole", "trace-1")]
+    volumes = [trimesh.load_mesh(parts / f"{n}.stl").volume for n in ("1-whole", "A")]
     assert volumes[0] == pytest.approx(manifest.parts[0].volume, rel=1e-5)
     assert volumes[1] == pytest.approx(manifest.traces[0].volume, rel=1e-5)
     total = manifest.parts[0].volume + sum(t.volume for t in manifest.traces)
@@ -129,7 +129,7 @@ def test_the_band_has_the_spread_of_the_filament(folder):
 
 def test_traces_and_pads_keep_a_wall_to_a_kept_region(folder):
     parts = folder / "build" / "parts"
-    for name in ("trace-1", "trace-2"):
+    for name in ("A", "B"):
         x, y, _ = trimesh.load_mesh(parts / f"{name}.stl").sample(20000, seed=0).T
         assert np.hypot(x - 5, y - 8).min() > 1.0 + 1.2 - 0.05
 
@@ -161,7 +161,7 @@ def test_the_guide_has_no_joints_and_cords(folder):
         "wire to the board",
         "check wiring",
     ]
-    assert [a.get("cord") for a in actions[1:3]] == ["trace-1", "trace-2"]
+    assert [a.get("cord") for a in actions[1:3]] == ["A", "B"]
     assert actions[1]["ohm"][0]["about"] > 1000
     page = (folder / "build" / "guide.html").read_text(encoding="utf-8")
     assert page.count("data:image/svg+xml") == 2  # a pad, and the wiring
@@ -202,7 +202,7 @@ def test_sliced_beads_conduct_as_designed(folder, tmp_path, capsys):
     gcode.write_text(text, encoding="utf-8")
     assert main(["traces", str(folder), str(gcode), "--json"]) == REFUSED
     (gap,) = json.loads(capsys.readouterr().out)["findings"]
-    assert (gap["kind"], gap["traces"]) == ("gap", ["trace-1"])
+    assert (gap["kind"], gap["traces"]) == ("gap", ["A"])
     assert gap["at"] == pytest.approx(point.tolist(), abs=2.0)
 
 

@@ -6,12 +6,12 @@ import threading
 from collections.abc import Mapping
 from typing import Any
 
+from ....core.device.device import new_sensor_names
 from ....core.errors import DefsenseError, LayoutError
 from ....workflow.design.next_cord import best_sensor
 from ....workflow.view import Arrays, Client, Request
 from ...background.latest_worker import LatestWorker
 from ...edits.cords import add_cord
-from ...edits.edit import free_name
 from ...messages import inside as messages
 from ...messages.sensors import CordResult
 from ...session.cord_states import plane_of
@@ -114,7 +114,7 @@ class InsideStep(Step):
 
     def _add(self, client: Client, request: messages.AddNextCord) -> CordResult:
         search, cord_map, index = self._search_of(client).found(request.at)
-        name = free_name("cord", [sensor.name for sensor in self._sensors])
+        name = next(new_sensor_names(sensor.name for sensor in self._sensors))
         cord = best_sensor(cord_map, index, name, search.judge)
         self.session.apply(add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free)))
         return CordResult(name=cord.name)
