@@ -56,7 +56,10 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
         "manifest": manifest,
         "step_numbers": context.step_numbers,
         "cord": None,
-        "measured_cords": [cords[e.cord] for e in action.expected],
+        "measured_cords": (measured := [cords[e.cord] for e in action.expected]),
+        "glued_cords": [
+            c.sensor for c in measured if action.joint not in {s.joint for s in c.stretches}
+        ],
     }
     if action.joint is not None:
         joint, last = manifest.assembly[action.joint], last_joint_while_wet(manifest, action.joint)
