@@ -20,12 +20,11 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 HERE = Path(__file__).parent
-DEVICE, SESSION, MODEL = "my-device", "session", "my-device/model.json"
+DEVICE, MODEL = "my-joystick", "my-joystick/model.json"
 MADE = {  # what is there once a command has been typed
-    "my-device/device.toml": ("new", DEVICE, "--body", "twist-bar"),
-    "my-device/build/guide.html": ("build", DEVICE),
-    "session/session.json": ("twin", DEVICE, "--minutes", "1.5", "--out", SESSION),
-    MODEL: ("train", SESSION, "--device", DEVICE),
+    f"{DEVICE}/device.toml": ("new", DEVICE, "--body", "joystick"),
+    f"{DEVICE}/build/guide.html": ("build", DEVICE),
+    MODEL: ("train", "--device", DEVICE),
 }
 SIZE = {"width": 1100, "height": 640}
 COLORS = 96

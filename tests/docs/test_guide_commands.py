@@ -1,6 +1,6 @@
-"""Run the commands of the guide's first page in an empty folder, with a twin instead of hardware.
+"""Run the commands of the tutorial and of the page on webcams, with a twin instead of hardware.
 
-Then run those of other pages, with the files that the first page has created.
+Then run those of other pages in the same folder, with the files that these pages have created.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ import pytest
 from defsense_fab.cli.main import main
 from tests.support.places import ROOT
 
-PAGE = ROOT / "docs/guide/first-device.md"
+PAGES = [ROOT / f"docs/guide/{name}.md" for name in ("first-device", "camera-training")]
 _BLOCK = re.compile(
     r"(?:<!-- tested as: (?P<instead>[^>]*?) -->\n)?```sh\n(?P<typed>.*?)```"
     r"|<!-- test: make (?P<smaller>\S+) smaller -->",
@@ -36,15 +36,25 @@ def steps(text):
             yield "run", instead
 
 
-def make_smaller(device):
-    """Fewer and larger tetrahedra, and one search: the same steps in less time."""
-    text = device.read_text(encoding="utf-8")
-    for old, new in (
+#: Fewer and larger tetrahedra, and one search: the same steps in less time.
+SMALLER = {
+    "my-joystick": (
+        ("edge_length = 5.0", "edge_length = 9.0"),
+        ('decoder = "kernel"', 'decoder = "affine"'),
+        ("markers = 40", "markers = 8"),
+    ),
+    "my-device": (
         ("edge_length = 8.0", "edge_length = 18.0"),
         ("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]"),
         ("markers = 40", "markers = 8"),
         ("[[sensors]]", '[design]\nsearches = 1\ndecoder = "affine"\n\n[[sensors]]'),
-    ):
+    ),
+}
+
+
+def make_smaller(device):
+    text = device.read_text(encoding="utf-8")
+    for old, new in SMALLER[device.parent.name]:
         assert old in text
         text = text.replace(old, new, 1)
     device.write_text(text, encoding="utf-8")
@@ -115,28 +125,29 @@ def type_in(folder, line):
 
 @pytest.fixture(scope="module")
 def typed(tmp_path_factory):
-    """The folder in which the first page was typed."""
+    """The folder in which the pages were typed."""
     folder = tmp_path_factory.mktemp("guide")
     (folder / "fixtures").symlink_to(ROOT / "fixtures")
-    run = 0
-    for kind, what in steps(PAGE.read_text(encoding="utf-8")):
-        if kind == "smaller":
-            make_smaller(folder / what / "device.toml")
-        else:
-            type_in(folder, what)
-            run += 1
-    assert run >= 10
+    for page in PAGES:
+        lines = 0
+        for kind, what in steps(page.read_text(encoding="utf-8")):
+            if kind == "smaller":
+                make_smaller(folder / what / "device.toml")
+            else:
+                type_in(folder, what)
+                lines += 1
+        assert lines >= 8, page
     return folder
 
 
 @pytest.mark.slow
-def test_the_first_page_makes_what_it_says(typed):
-    for named in set(
-        re.findall(r"`(my-[a-z]+/[\w./-]+\.(?:html|pdf|json|3mf))`", PAGE.read_text("utf-8"))
-    ):
-        made = typed / named
-        assert made.is_file(), named
-        assert made.stat().st_size > 0, named
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_files_that_a_page_names_exist(page, typed):
+    text = page.read_text(encoding="utf-8")
+    names = set(re.findall(r"`(my-[a-z]+/[\w./-]+\.(?:html|pdf|json|3mf))`", text))
+    assert names
+    for name in names:
+        assert (typed / name).stat().st_size > 0, name
 
 
 @pytest.mark.slow

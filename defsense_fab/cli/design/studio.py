@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from itertools import chain, count
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -15,8 +17,6 @@ from ..device import DeviceFolder
 from ..output import OutputOptions, print_lines
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from ...studio.app.studio_app import StudioApp
     from ...workflow.view import WebServer
 
@@ -58,6 +58,7 @@ _DEFAULTS, _NO_OUTPUT = StudioOptions(), _StudioOutput()
 
 studio = command(
     "studio",
+    "defsense studio",
     "defsense studio my-device",
     "defsense studio new-device",
     "defsense studio my-device --port 8100 --no-browser",
@@ -67,7 +68,7 @@ studio = command(
 
 @studio.default
 def _studio(
-    folder: DeviceFolder,
+    folder: DeviceFolder | None = None,
     /,
     *,
     options: Annotated[StudioOptions, Parameter(name="*")] = _DEFAULTS,
@@ -81,12 +82,14 @@ def _studio(
     to device.toml immediately and can be undone.
 
     Args:
-        folder: Folder of the device; it need not exist yet.
+        folder: Folder of the device; it need not exist yet. If omitted, the current folder if it
+            has a device, or else a new folder in it.
     """
     from ...core.machine.local_access import Access
     from ...studio.app.device_folder import check_folder
     from ...workflow.view import HOST, WebServer
 
+    folder = folder or _default_folder()
     check_folder(folder)
     host = options.host or HOST
     access = Access(host)
@@ -130,3 +133,13 @@ def _serve(studio: StudioApp, seconds: float | None) -> None:
                 studio.poll()
     finally:
         studio.close()
+
+
+def _default_folder() -> Path:
+    """Return the current folder if it has a device, or else a new folder in it."""
+    from ...core.device.device_file import DEVICE
+
+    if Path(DEVICE).is_file():
+        return Path()
+    names = chain(["new-device"], (f"new-device-{k}" for k in count(2)))
+    return next(Path(name) for name in names if not Path(name).exists())
