@@ -146,7 +146,6 @@ def _parse_path(word: str) -> Path:
 def _create_from_example(folder: Path, options: NewOptions, interactive: bool) -> dict[str, Any]:
     """Create a device from an example, with the example's body and poses."""
     from ...core.device.device_file import load_device
-    from ...workflow.starts.first_device import default_material
     from ...workflow.starts.starting_devices import STARTING_DEVICES, create_starting_device
     from .new_questions import ask_cord, ask_until_valid
 
@@ -157,11 +156,6 @@ def _create_from_example(folder: Path, options: NewOptions, interactive: bool) -
         cord = ask_until_valid(lambda: ask_cord(start.cord), lambda text: check_row("cord", text))
     create_starting_device(start, folder, str(options.name), cord)
     device = load_device(folder)
-    material, printed = device.material.name, default_material(device.fabrication.process)
-    note = (
-        f"the example's body is computed as {material}. Set the printed material, such as"
-        f" {printed}, under [material] before the build"
-    )
     return {
         "device": str(folder),
         "name": device.name,
@@ -169,9 +163,9 @@ def _create_from_example(folder: Path, options: NewOptions, interactive: bool) -
         "poses": [p.name for p in device.poses],
         "cord": device.cord.name,
         "cords": len(device.sensors) + device.propose,
-        "material": material,
+        "material": device.material.name,
         "process": device.fabrication.process,
-        "note": "" if material == printed else note,
+        "note": "",
     }
 
 

@@ -15,6 +15,7 @@ import tomlkit
 from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.device.device_file import DEVICE, DeviceFile, load_device, parse_device
+from ...core.device.materials import default_material, is_makeable, list_processes
 from ...core.errors import BodyError, DeviceError
 from ...core.progress import Progress, silent
 from ...core.schema.reference import commented
@@ -35,34 +36,6 @@ from .options import (
 from .starting_devices import write_device
 
 MAX_SOLVABLE_TETS = 1_000_000  # that can be solved
-#: Materials of processes, by the start of the process's name.
-_MATERIALS = {
-    "fdm-tpu": "ninjaflex-85a",
-    "polyjet-agilus": "agilus30-black",
-    "polyjet": "tango-black-plus",
-    "sla-elastic": "formlabs-elastic-50a",
-    "sla-flexible": "formlabs-flexible-80a",
-    "sls-tpu": "eos-tpu-1301",
-    "cast-silicone": "dragon-skin-20",
-}
-
-
-def default_material(process: str) -> str:
-    """Return the material in materials.csv that a process in printers.csv prints.
-
-    Raises:
-        DeviceError: The process is user-defined (`unknown-material`).
-    """
-    for start, material in _MATERIALS.items():
-        if process.startswith(start):
-            return material
-    raise DeviceError(
-        f"the material of the process {process} is not known",
-        code="unknown-material",
-        where="process",
-        action="Give a material",
-        process=process,
-    )
 
 
 def fill_options(body: BodyFile, options: NewOptions) -> NewOptions:
@@ -86,6 +59,8 @@ def fill_options(body: BodyFile, options: NewOptions) -> NewOptions:
         edge_length = body.edge_length(unit)
     check_edge_length(body, unit, edge_length)
     process = options.process or DEFAULT_PROCESS
+    if options.process is None and not is_makeable(options.material or "", process):
+        process = list_processes(str(options.material))[0]
     return replace(
         options,
         name=options.name or body.name,

@@ -212,8 +212,17 @@ def test_a_file_that_is_no_gcode_is_refused(folder):
 @pytest.mark.parametrize(
     ("changes", "code"),
     [
-        ({'"ninjaflex-85a"': '"soft"\nyoung_modulus = 0.12\npoisson_ratio = 0.49'}, "trace-too-stiff"),
-        ({'"ninjaflex-85a"': '"tango-plus"', '"fdm-tpu"': '"polyjet"'}, "printer-without-second-extruder"),
+        (
+            {'"ninjaflex-85a"': '"soft"\nyoung_modulus = 0.12\npoisson_ratio = 0.49'},
+            "trace-too-stiff",
+        ),
+        (
+            {
+                '"ninjaflex-85a"': '"own"\nyoung_modulus = 12\npoisson_ratio = 0.48',
+                '"fdm-tpu"': '"polyjet"',
+            },
+            "printer-without-second-extruder",
+        ),
         ({'"fdm-tpu"': '"fdm-tpu"\nline = 0.8'}, "trace-too-thin"),
         ({'"fdm-tpu"': '"fdm-tpu"\nlayer = 0.5'}, "trace-too-thin"),
         ({"searches = 1": "searches = 1\nplanes = 1"}, "key-not-applicable"),

@@ -40,6 +40,14 @@ class _Kind:
 
 
 @cache
+def _material_rows() -> dict[str, dict[str, str]]:
+    return {
+        name: {**row, "processes": row["processes"].replace(" ", ", ")}
+        for name, row in read_rows("materials.csv").items()
+    }
+
+
+@cache
 def _printer_rows() -> dict[str, dict[str, str]]:
     return {
         name: {**row, "bed": " × ".join(row[f"bed_{axis}"] for axis in "xyz")}
@@ -73,8 +81,9 @@ _KINDS: dict[messages.CatalogueName, _Kind] = {
             ("Elongation at break", "%", "elongation_at_break"),
             ("Poisson's ratio", "", "poisson_ratio"),
             ("Density", "g/cm³", "density"),
+            ("Processes", "", "processes"),
         ),
-        lambda: read_rows("materials.csv"),
+        _material_rows,
         choose_material,
         lambda device: device.material.name,
         "basis",
