@@ -130,6 +130,7 @@ def _print_result(result: BuildResult, device: Device) -> None:
         print_lines(f"note: {warning}" for warning in results.layout.warnings)
         _print_layout(results.layout, device.cord.noun)
         print_lines(f"force: {pose.describe()}" for pose in results.forces.poses)
+        print_lines(f"note: {warning}" for warning in results.forces.warnings)
     if has_parts(results):
         _print_parts(results.manifest)
         print_lines(f"note: {note}" for note in plan_if_possible(device, results.manifest)[1])

@@ -53,7 +53,7 @@ def run(device: Device, build: Build, report: Report) -> None:
     wiring, wiring_notes = plan_if_possible(device, manifest)
     if wiring is not None:
         write_wiring_files(wiring, folder)
-    notes = (*build.field_index.warnings, *wiring_notes)
+    notes = (*build.field_index.warnings, *build.forces.warnings, *wiring_notes)
     guide = assembly_guide(device, layout, manifest, build.parts, frame, notes, wiring)
     guide = replace(guide, forces=tuple(p.describe() for p in build.forces.poses))
     if manifest.traces:

@@ -3011,11 +3011,20 @@ export interface PoseForces {
   state: string;
   held: HeldForce[];
 }
+ *
+ *     Attributes:
+ *         pose: Name of the pose.
+ *         state: Name of the state.
+ *         held: Forces at everything that the pose moves.
+ *         effort: What holding the pose needs: fingers, a whole hand, or more than one hand can do.
+ *         warning: What is too hard for fingers or for a hand; empty if nothing is.
 /**
  * The force at one place in the state that needs the most.
  *
  *     Attributes:
  *         place: The moved region, or the point that is pulled.
+  effort: "beyond" | "fingers" | "hand";
+  warning: string;
  *         push: Force along the movement, N.
  *         torque: Moment, N m.
  */
