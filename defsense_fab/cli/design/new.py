@@ -166,6 +166,7 @@ def _create_from_example(folder: Path, options: NewOptions, interactive: bool) -
         "material": device.material.name,
         "process": device.fabrication.process,
         "note": "",
+        "reach": "",
     }
 
 
@@ -173,8 +174,10 @@ def _create_from_body(
     folder: Path, body: BodyFile, options: NewOptions, interactive: bool, output: OutputOptions
 ) -> dict[str, Any]:
     """Create a device from a body file."""
+    from ...workflow.starts.body_ends import find_ends
     from ...workflow.starts.body_file import choose_unit, describe_unusual_size, scale_to_size
     from ...workflow.starts.first_device import create_first_device
+    from ...workflow.starts.reachable_poses import describe_reach
     from .new_questions import ask_choices
 
     body = scale_to_size(body, options.size)
@@ -199,6 +202,7 @@ def _create_from_body(
         "material": device.material.name,
         "process": device.fabrication.process,
         "note": describe_unusual_size(size),
+        "reach": describe_reach(find_ends(body.in_mm(unit)), device),
     }
 
 
@@ -214,7 +218,7 @@ def _describe_created(created: dict[str, Any]) -> list[str]:
     return [
         f"Wrote:   {folder / 'device.toml'} and {created['body']}{size}",
         *(f"Fixed:   {line}" for line in notable_repairs(created.get("repaired", ()))),
-        *([f"note: {created['note']}"] if created["note"] else []),
+        *(f"note: {created[key]}" for key in ("note", "reach") if created[key]),
         f"Poses:   {', '.join(created['poses'])}",
         f"Cords:   {created['cords']} of {created['cord']}; body of {created['material']} by"
         f" {created['process']}",

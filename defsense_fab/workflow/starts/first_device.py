@@ -13,8 +13,9 @@ import numpy as np
 import tomlkit
 
 from ...core.arrays import Float
-from ...core.device.device import Device
+from ...core.device.device import Device, MaterialSpec
 from ...core.device.device_file import DEVICE, DeviceFile, load_device, parse_device
+from ...core.device.material_table import MaterialTable
 from ...core.device.materials import default_material, is_makeable, list_processes
 from ...core.errors import BodyError, DeviceError
 from ...core.progress import Progress, silent
@@ -33,6 +34,7 @@ from .options import (
     UNIT_WORDS,
     NewOptions,
 )
+from .reachable_poses import reachable_share
 from .starting_devices import write_device
 
 MAX_SOLVABLE_TETS = 1_000_000  # that can be solved
@@ -231,7 +233,8 @@ def _device_text(body: BodyFile, file: str, options: NewOptions, is_draft: bool)
         document.add(name, table)
     if not is_draft and options.poses != (MODES,):
         document.add(tomlkit.nl())
-        document.add("poses", _poses(ends, options.poses))
+        material = MaterialTable(name=str(options.material)).record()
+        document.add("poses", _poses(ends, options.poses, material))
     return tomlkit.dumps(document)
 
 
@@ -249,11 +252,12 @@ def _free_name(body: BodyFile, folder: Path) -> str:
     return unused_path(path).name
 
 
-def _poses(ends: BodyEnds, names: tuple[str, ...]) -> Any:
+def _poses(ends: BodyEnds, names: tuple[str, ...], material: MaterialSpec) -> Any:
     poses = tomlkit.aot()
     for name in names:
         handle, handles, pose = tomlkit.table(), tomlkit.aot(), tomlkit.table()
-        handle.update({"region": "tip", **_nested(ends.move(name))})
+        share = reachable_share(ends, name, material)
+        handle.update({"region": "tip", **_nested(ends.move(name, share))})
         handles.append(handle)
         pose.update({"name": name, "fixed": ["base"], "handles": handles})
         poses.append(pose)
