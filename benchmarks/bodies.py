@@ -50,7 +50,7 @@ def write_device(folder: Path, body: Path, surface: Surface, scale: float = 1.0)
     axes = [k for k in range(3) if k != along]
     text = [
         f'schema = 1\nname = "{folder.name}"\n\n[body]\nmesh = "{body.name}"\nscale = {scale}\n',
-        '[material]\nname = "silicone-shore-30a"\n',
+        '[material]\nname = "ninjaflex-85a"\n',
         f"[mesh]\nedge_length = {edge:.3g}\n\n[regions]",
     ]
     for name, at, sign in (("base", low, -1), ("tip", high, 1)):

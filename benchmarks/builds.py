@@ -132,7 +132,7 @@ def write_random(folder: Path, rng: np.random.Generator) -> None:
         f"{kinds[name]}\n" + ('translate = "free"\n' if name != "pull" else "") + "\n"
         for name in chosen
     )
-    material = rng.choice(["silicone-shore-30a", "tango-black-plus"])
+    material = rng.choice(["ninjaflex-85a", "filaflex-70a"])
     (folder / "device.toml").write_text(
         f"""schema = 1
 name = "{folder.name}"

@@ -40,7 +40,7 @@ def write_device(folder: Path, seed: int, triangles: int | None) -> int:
     origin[axis], normal[axis] = float(low[axis] + 0.12 * (high - low)[axis]), -1
     (folder / "device.toml").write_text(
         f'schema = 1\nname = "animal {seed}"\n\n[body]\nmesh = "body.stl"\n\n[material]\n'
-        f'name = "silicone-shore-30a"\n\n[mesh]\nedge_length = {EDGE_MM}\n\n[regions]\n'
+        f'name = "ninjaflex-85a"\n\n[mesh]\nedge_length = {EDGE_MM}\n\n[regions]\n'
         f"base = {{ half_space = {{ origin = {origin}, normal = {normal} }} }}\n\n[outputs]\n"
         'markers = 30\nanchor = "base"\n\n[cord]\nname = "rubber-2mm"\nnoise = 0.002\n\n'
         '[fabrication]\nprocess = "fdm-tpu"\n\n[design]\nsensors = 2\n'

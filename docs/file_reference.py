@@ -1,6 +1,7 @@
-"""Pages of the guide that come from the declarations of the files that users edit.
+"""Parts of the guide that come from declared files and from tables in the package.
 
-A page shows the keys of a file where it says ```{file-keys} device```. The JSON Schema of each file
+A page shows the keys of a file where it has ```{file-keys} device```, and the materials of each
+process where it has ```{materials-of-processes}```. The JSON Schema of each file
 is written to `schemas/` next to the pages.
 """
 
@@ -10,7 +11,9 @@ from pathlib import Path
 from sphinx.util.docutils import SphinxDirective
 
 from defsense_fab.core.device.device_file import DeviceFile
+from defsense_fab.core.device.materials import list_materials
 from defsense_fab.core.schema.reference import json_schema, markdown
+from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.runtime.outputs.live_file import LiveFile
 from defsense_fab.workflow.reproduce.experiment import ExperimentFile
 from defsense_fab.workflow.study.study_file import StudyFile
@@ -36,6 +39,18 @@ class FileKeys(SphinxDirective):
         text = [markdown(kind)]
         self.env.events.emit("source-read", self.env.docname, text)  # links, as in pages
         return self.parse_text_to_nodes(text[0], allow_section_headings=True)
+
+
+class MaterialsOfProcesses(SphinxDirective):
+    """A table of the processes with the materials that each makes, in place of the directive."""
+
+    def run(self):
+        """Return the table as nodes; Sphinx calls this."""
+        lines = ["| process | materials |", "|---|---|"]
+        for process in read_rows("printers.csv"):
+            materials = ", ".join(f"`{name}`" for name in list_materials(process))
+            lines.append(f"| `{process}` | {materials} |")
+        return self.parse_text_to_nodes("\n".join(lines))
 
 
 def write_schemas(app, error):

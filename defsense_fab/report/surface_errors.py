@@ -54,6 +54,10 @@ class SurfaceErrors:
         """Return the RMSE of a state over the vertices, mm."""
         return float(np.sqrt((self.error[state] ** 2).mean()))
 
+    def travel(self, state: int) -> float:
+        """Return the largest movement of the vertices in a state, mm."""
+        return float(np.linalg.norm(self.moved[state], axis=1).max())
+
 
 def surface_errors(build: Build) -> SurfaceErrors:
     """Return the errors of the surface that a build's layout reads in every simulated state.

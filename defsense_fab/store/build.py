@@ -6,6 +6,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..core.arrays import Bool
 from ..core.mesh import Surface, TetMesh
 from ..mechanics.elements.point_location import PointLocator
@@ -91,6 +93,18 @@ class Build:
     def fields(self) -> Fields:
         """Displacements and strains of all states, with the printed traces in the body."""
         return load_fields(self.folder, has_traces=True)
+
+    @cached_property
+    def travel(self) -> float:
+        """Largest movement of the surface in all states, mm."""
+        skin = np.unique(self.mesh.boundary().faces)
+        moved = self.fields.displacements[:, skin]
+        return float(np.linalg.norm(moved, axis=2).max(initial=0.0))
+
+    @cached_property
+    def size(self) -> float:
+        """Longest side of the body along the axes of its file, mm."""
+        return float(np.ptp(self.surface.bounds, axis=0).max())
 
     @cached_property
     def plain_fields(self) -> Fields:

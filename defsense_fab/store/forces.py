@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -9,9 +10,16 @@ from typing import ClassVar
 from ..core.arrays import Float
 from ..core.device.build_folder import BUILD_AGAIN
 from ..core.storage import typed_json
+from .hand_strength import FINGERS, HAND, Effort, judge_effort
 
 FORCES = "forces.json"
 _N_MM_PER_N_M = 1000.0
+_EFFORTS: tuple[Effort, ...] = ("fingers", "hand", "beyond")
+_EFFORT_WORDS = {
+    "fingers": "",
+    "hand": ", with a whole hand",
+    "beyond": ", more than one hand can do",
+}
 
 
 @dataclass(frozen=True)
@@ -35,6 +43,31 @@ class HeldRecord:
     def torque(self) -> float:
         """Size of the moment, N mm."""
         return float((self.moment**2).sum() ** 0.5)
+
+    @property
+    def resultant(self) -> float:
+        """Size of the resultant force, N."""
+        return float((self.force**2).sum() ** 0.5)
+
+    @property
+    def effort(self) -> Effort:
+        """What a hand needs to hold the place."""
+        return judge_effort(abs(self.push), self.resultant, self.torque)
+
+    @property
+    def need(self) -> str:
+        """The force or torque that counts for the effort, as in "2.8 N m"."""
+        push, turn = abs(self.push) / FINGERS.force, self.torque / FINGERS.torque
+        if self.resultant / FINGERS.force >= min(push, turn):
+            return f"{_short(self.resultant)} N"
+        if push <= turn:
+            return f"{_short(abs(self.push))} N"
+        return f"{_short(self.torque / _N_MM_PER_N_M)} N m"
+
+    def describe(self) -> str:
+        """Return force and torque, as in "1.3 N at 'tip', 0.10 N m"."""
+        torque = f", {_short(self.torque / _N_MM_PER_N_M)} N m" if self.torque > 0 else ""
+        return f"{_short(abs(self.push))} N at {self.place!r}{torque}"
 
 
 @dataclass(frozen=True)
@@ -62,11 +95,44 @@ class PoseForces:
         """Return a line, as in "bend: 1.3 N at 'tip', 0.10 N m"."""
         if not self.held:
             return f"{self.pose}: pressure or gravity only, no region is moved"
-        largest = max(self.held, key=lambda h: abs(h.push))
         at = f" (at {self.state})" if not self.state.endswith("@1") else ""
-        torque = largest.torque / _N_MM_PER_N_M
-        more = f", {_short(torque)} N m" if torque > 0 else ""
-        return f"{self.pose}: {_short(abs(largest.push))} N at {largest.place!r}{more}{at}"
+        return f"{self.pose}: {self._hardest.describe()}{_EFFORT_WORDS[self.effort]}{at}"
+
+    @property
+    def effort(self) -> Effort:
+        """What a hand needs to hold the place that is hardest to hold."""
+        return self._hardest.effort if self.held else "fingers"
+
+    @property
+    def warning(self) -> str:
+        """What is too hard for fingers or for a hand, and what would help; empty if nothing is."""
+        return "".join(_warn_of_efforts((self,)))
+
+    @property
+    def need(self) -> str:
+        """The force or torque that is hardest to apply, as in "2.8 N m"; empty without one."""
+        return self._hardest.need if self.held else ""
+
+    @property
+    def _hardest(self) -> HeldRecord:
+        return max(self.held, key=lambda h: (_EFFORTS.index(h.effort), abs(h.push)))
+
+
+def _warn_of_efforts(poses: Sequence[PoseForces]) -> tuple[str, ...]:
+    """Return a warning about poses that one hand cannot hold, and one about those for a hand."""
+    warnings = []
+    for effort, limit, user, remark in (
+        ("beyond", HAND, "one hand", ""),
+        ("hand", FINGERS, "fingers", "; a whole hand can"),
+    ):
+        names = [f"{p.pose} ({p.need})" for p in poses if p.effort == effort]
+        if names:
+            warnings.append(
+                f"{', '.join(names)}: more than {user} can do ({limit.force:g} N or"
+                f" {limit.torque / _N_MM_PER_N_M:g} N m){remark}. A softer material, a thinner body"
+                " or a smaller movement needs less"
+            )
+    return tuple(warnings)
 
 
 def _short(value: float) -> str:
@@ -88,6 +154,11 @@ class ForcesRecord:
 
     poses: tuple[PoseForces, ...]
     traces: float = 1.0
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings about poses that fingers, or one hand, cannot hold."""
+        return _warn_of_efforts(self.poses)
 
     @property
     def largest(self) -> float:

@@ -28,7 +28,7 @@ mesh = "{file}"
 scale = {scale:.5g}
 
 [material]
-name = "tango-black-plus"
+name = "ninjaflex-85a"
 
 [mesh]
 edge_length = 7.0

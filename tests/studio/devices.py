@@ -14,7 +14,7 @@ script = "grip.py"
 parameters = { length = 150, width = 30 }  # mm
 
 [material]
-name = "tango-black-plus"
+name = "ninjaflex-85a"
 
 [mesh]
 edge_length = 6.0

@@ -224,7 +224,7 @@ name = "fuzz"
 {kind} = "{name}"
 time_limit = {limit}
 [material]
-name = "tango-plus"
+name = "ninjaflex-85a"
 [mesh]
 edge_length = 5
 [outputs]

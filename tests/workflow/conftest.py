@@ -17,7 +17,7 @@ def small_bar(**changes):
     values = {
         "name": "small",
         "body": body,
-        "material": "tango-black-plus",
+        "material": "ninjaflex-85a",
         "regions": {
             "base": df.half_space([5, 0, 0], [-1, 0, 0]),
             "tip": df.box([74, -11, -11], [81, 11, 11]),

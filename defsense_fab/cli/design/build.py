@@ -112,7 +112,7 @@ report = _stage_command("report", "report")
 def _print_result(result: BuildResult, device: Device) -> None:
     from ...workflow.board.wiring import plan_if_possible
     from ...workflow.build.load_cases import describe_states
-    from ...workflow.build.results import has_layout, has_parts, has_poses
+    from ...workflow.build.results import describe_error, has_layout, has_parts, has_poses
 
     if not result.made:
         print_lines(["Everything is up to date."])
@@ -130,8 +130,11 @@ def _print_result(result: BuildResult, device: Device) -> None:
         print_lines([describe_states(results.field_index.states, device.states)])
     if has_layout(results):
         print_lines(f"note: {warning}" for warning in results.layout.warnings)
+        error = results.layout.band.trained.median
+        print_lines([f"after training: {describe_error(error, results.travel, results.size)}"])
         _print_layout(results.layout, device.cord.noun)
         print_lines(f"force: {pose.describe()}" for pose in results.forces.poses)
+        print_lines(f"note: {warning}" for warning in results.forces.warnings)
     if has_parts(results):
         _print_parts(results.manifest)
         print_lines(f"note: {note}" for note in plan_if_possible(device, results.manifest)[1])
@@ -168,17 +171,19 @@ def _print_layout(layout: LayoutRecord, noun: str) -> None:
     table.add_row("  with the affine decoder", "", f"{band.affine.median:.2f}")
     table.add_row("by tolerances, unseen states", "", f"{band.median:.2f}")
     table.add_row("  90 % of devices", "", f"{band.low:.2f} to {band.high:.2f}")
-    table.add_row("as designed, unseen states", f"{initial.unseen:.3f}", f"{best.unseen:.3f}")
+    table.add_row(
+        "in the parts, with noise, unseen states", f"{initial.unseen:.3f}", f"{best.unseen:.3f}"
+    )
     if best.held_out:
         ranges = (_format_range(p.held_out.values()) for p in (initial, best))
         table.add_row("  best state to worst", *ranges)
     for label, key in (
         ("  without noise", "unseen_noise_free"),
-        ("as designed, fitted states", "rmse"),
+        ("in the parts, with noise, fitted states", "rmse"),
         ("  without noise", "rmse_noise_free"),
     ):
         table.add_row(label, *(f"{getattr(p, key):.3f}" for p in (initial, best)))
-    table.add_row("lower limit of affine maps, all states", "", f"{best.floor:.3f}")
+    table.add_row("lower limit of affine maps without noise, all states", "", f"{best.floor:.3f}")
     console().print(table)
     print_lines(
         [

@@ -146,7 +146,6 @@ def _parse_path(word: str) -> Path:
 def _create_from_example(folder: Path, options: NewOptions, interactive: bool) -> dict[str, Any]:
     """Create a device from an example, with the example's body and poses."""
     from ...core.device.device_file import load_device
-    from ...workflow.starts.first_device import default_material
     from ...workflow.starts.starting_devices import STARTING_DEVICES, create_starting_device
     from .new_questions import ask_cord, ask_until_valid
 
@@ -157,11 +156,6 @@ def _create_from_example(folder: Path, options: NewOptions, interactive: bool) -
         cord = ask_until_valid(lambda: ask_cord(start.cord), lambda text: check_row("cord", text))
     create_starting_device(start, folder, str(options.name), cord)
     device = load_device(folder)
-    material, printed = device.material.name, default_material(device.fabrication.process)
-    note = (
-        f"the example's body is computed as {material}. Set the printed material, such as"
-        f" {printed}, under [material] before the build"
-    )
     return {
         "device": str(folder),
         "name": device.name,
@@ -169,9 +163,10 @@ def _create_from_example(folder: Path, options: NewOptions, interactive: bool) -
         "poses": [p.name for p in device.poses],
         "cord": device.cord.name,
         "cords": len(device.sensors) + device.propose,
-        "material": material,
+        "material": device.material.name,
         "process": device.fabrication.process,
-        "note": "" if material == printed else note,
+        "note": "",
+        "reach": "",
     }
 
 
@@ -179,8 +174,10 @@ def _create_from_body(
     folder: Path, body: BodyFile, options: NewOptions, interactive: bool, output: OutputOptions
 ) -> dict[str, Any]:
     """Create a device from a body file."""
+    from ...workflow.starts.body_ends import find_ends
     from ...workflow.starts.body_file import choose_unit, describe_unusual_size, scale_to_size
     from ...workflow.starts.first_device import create_first_device
+    from ...workflow.starts.reachable_poses import describe_reach
     from .new_questions import ask_choices
 
     body = scale_to_size(body, options.size)
@@ -205,6 +202,7 @@ def _create_from_body(
         "material": device.material.name,
         "process": device.fabrication.process,
         "note": describe_unusual_size(size),
+        "reach": describe_reach(find_ends(body.in_mm(unit)), device),
     }
 
 
@@ -220,7 +218,7 @@ def _describe_created(created: dict[str, Any]) -> list[str]:
     return [
         f"Wrote:   {folder / 'device.toml'} and {created['body']}{size}",
         *(f"Fixed:   {line}" for line in notable_repairs(created.get("repaired", ()))),
-        *([f"note: {created['note']}"] if created["note"] else []),
+        *(f"note: {created[key]}" for key in ("note", "reach") if created[key]),
         f"Poses:   {', '.join(created['poses'])}",
         f"Cords:   {created['cords']} of {created['cord']}; body of {created['material']} by"
         f" {created['process']}",

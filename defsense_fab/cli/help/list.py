@@ -11,6 +11,7 @@ from ..app import command
 from ..output import OutputOptions, console, print_json, print_lines, standard_output
 
 _NO_OUTPUT = OutputOptions()
+_MAX_WIDTH = 30  # characters of the columns of a table; longer texts are shown with a name only
 
 list_rows = command(
     "list",
@@ -73,11 +74,12 @@ def _print_table(kind: str, catalogue: Catalogue) -> None:
     columns = [(column.name, column.label, column.unit) for column in catalogue.columns]
     if catalogue.note:
         columns.append((catalogue.note, catalogue.note.capitalize(), ""))
+    rows = catalogue.rows().values()
+    columns = [c for c in columns if max(len(row[c[0]]) for row in rows) <= _MAX_WIDTH]
     table.add_column("Name", no_wrap=True)
     for key, label, unit in columns:
         heading = f"{label}\n({unit})" if unit else label
-        unbroken = [row[key] for row in catalogue.rows().values()] + heading.split()
-        width = max(map(len, unbroken))
+        width = max(map(len, [*(row[key] for row in rows), *heading.split()]))
         table.add_column(heading, justify="right", min_width=width)
     for name, row in catalogue.rows().items():
         table.add_row(name, *(row[key] for key, *_ in columns))

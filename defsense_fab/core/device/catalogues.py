@@ -42,6 +42,14 @@ class Catalogue:
 
 
 @cache
+def _material_rows() -> dict[str, dict[str, str]]:
+    return {
+        name: {**row, "processes": row["processes"].replace(" ", ", ")}
+        for name, row in read_rows("materials.csv").items()
+    }
+
+
+@cache
 def _printer_rows() -> dict[str, dict[str, str]]:
     return {
         name: {**row, "bed": " × ".join(row[f"bed_{axis}"] for axis in "xyz")}
@@ -82,8 +90,9 @@ CATALOGUES: Mapping[str, Catalogue] = {
             Column("Elongation at break", "%", "elongation_at_break"),
             Column("Poisson's ratio", "", "poisson_ratio"),
             Column("Density", "g/cm³", "density"),
+            Column("Processes", "", "processes"),
         ),
-        partial(read_rows, "materials.csv"),
+        _material_rows,
         "basis",
     ),
     "cords": Catalogue(

@@ -15,7 +15,6 @@ from ..schema.declare import Problem, Table, key, unknown_choice
 from ..schema.document import Document, load_document, parse_document
 from ..schema.types import is_number
 from ..storage.file_names import fold_name, name_problem
-from ..storage.package_data import read_rows
 from .cord_tables import CordTable
 from .device import CordSpec, Device, FabricationSpec, Pose
 from .device_tables import (
@@ -30,7 +29,7 @@ from .device_tables import (
 from .fabrication_table import FabricationTable
 from .filaments import TraceSpec, has_second_extruder
 from .material_table import MaterialTable
-from .materials import find_silicone
+from .materials import find_process_problem
 from .pads import PADS
 from .pose_tables import PoseTable, StatesTable, check_pose_names, repeated_states
 from .regions import HalfSpace, hull_points
@@ -309,14 +308,9 @@ def _check_body(
 
 def _check_agreement(declared: DeviceFile) -> Iterator[Problem]:
     """Yield problems of keys in one table that exclude those in another."""
-    row, name = declared.fabrication.row, declared.material.name
-    if row["kind"] == "cast" and name in read_rows("materials.csv") and not find_silicone(name):
-        yield Problem(
-            ("material", "name"),
-            f"{name!r} is not a silicone, which [fabrication] process {row['name']!r} casts",
-            "material-not-castable",
-            f"Use one of: {', '.join(read_rows('silicones.csv'))}",
-        )
+    problem = find_process_problem(declared.material.name, declared.fabrication.row["name"])
+    if problem is not None:
+        yield problem.below("material")
     if declared.body.bay is not None and not declared.fabrication.pockets:
         yield Problem(
             ("fabrication", "pockets"),

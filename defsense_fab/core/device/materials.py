@@ -1,4 +1,4 @@
-"""Data sheets of materials: Young's modulus from the Shore hardness, and how silicones are cast."""
+"""Materials: modulus from the Shore hardness, the processes that make them, and silicones."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import math
 import re
 from dataclasses import dataclass
 
+from ..errors import DeviceError
+from ..schema.declare import Problem
 from ..storage.package_data import read_rows
 
 #: Shore A hardness between which the conversion holds. Above, the formula diverges; below, it does
@@ -14,6 +16,18 @@ MIN_SHORE_A, MAX_SHORE_A = 20.0, 80.0
 #: Standard deviation of ln(conversion / modulus), over the 13 materials of `data/materials.csv`
 #: between 20A and 80A whose modulus does not come from their hardness. The mean ratio is 0.97.
 LOG_SPREAD = 0.32
+_MATERIALS = "materials.csv"
+#: Materials of new devices, by the start of the process's name.
+_DEFAULT_MATERIALS = {
+    "fdm-tpu": "ninjaflex-85a",
+    "polyjet-agilus": "agilus30-black",
+    "polyjet": "tango-black-plus",
+    "sla-elastic": "formlabs-elastic-50a",
+    "sla-flexible": "formlabs-flexible-80a",
+    "dls-epu": "carbon-epu-40",
+    "sls-tpu": "eos-tpu-1301",
+    "cast-silicone": "dragon-skin-20",
+}
 
 
 @dataclass(frozen=True)
@@ -76,8 +90,56 @@ def modulus_from_shore(hardness: str) -> ShoreModulus:
 
 def elongation_at_break(name: str) -> float | None:
     """Return the strain at which a material of `data/materials.csv` breaks, or None if unknown."""
-    percent = read_rows("materials.csv").get(name, {}).get("elongation_at_break")
+    percent = read_rows(_MATERIALS).get(name, {}).get("elongation_at_break")
     return float(percent) / 100 if percent else None
+
+
+def list_processes(material: str) -> tuple[str, ...]:
+    """Return the processes of `data/printers.csv` that make a material; none if it is custom."""
+    return tuple(read_rows(_MATERIALS).get(material, {}).get("processes", "").split())
+
+
+def list_materials(process: str) -> tuple[str, ...]:
+    """Return the materials of `data/materials.csv` that a process makes."""
+    return tuple(name for name in read_rows(_MATERIALS) if process in list_processes(name))
+
+
+def is_makeable(material: str, process: str) -> bool:
+    """Return whether a process makes a material; custom materials are accepted by all processes."""
+    return material not in read_rows(_MATERIALS) or process in list_processes(material)
+
+
+def find_process_problem(material: str, process: str) -> Problem | None:
+    """Return the problem of a process that does not make a material; None if it does."""
+    if is_makeable(material, process):
+        return None
+    processes, materials = list_processes(material), list_materials(process)
+    return Problem(
+        ("name",),
+        f"the process {process!r} does not make {material!r}",
+        "material-not-for-process",
+        f"Use a process for this material ({', '.join(processes)}), a material for this process"
+        f" ({', '.join(materials)}), or another name with custom values",
+        {"material": material, "processes": processes, "materials": materials},
+    )
+
+
+def default_material(process: str) -> str:
+    """Return the material of new devices that a process makes.
+
+    Raises:
+        DeviceError: The process is user-defined (`unknown-material`).
+    """
+    for start, material in _DEFAULT_MATERIALS.items():
+        if process.startswith(start):
+            return material
+    raise DeviceError(
+        f"the material of the process {process} is not known",
+        code="unknown-material",
+        where="process",
+        action="Give a material",
+        process=process,
+    )
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,7 @@ class Guide:
         strips: Templates of the cords at 1:1.
         faces: Templates of the joints' faces at 1:1.
         forces: A line on the force of each pose.
+        accuracy: The expected error, with its grade and their scale.
         wiring: How the cords are connected; None if the board cannot read them.
     """
 
@@ -73,6 +74,7 @@ class Guide:
     strips: tuple[CordTemplate, ...]
     faces: tuple[FaceTemplate, ...]
     forces: tuple[str, ...] = ()
+    accuracy: str = ""
     wiring: WiringSection | None = None
 
     @property

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import tomlkit
 
 from ...core.device.device_file import DEVICE, load_device
+from ...core.device.materials import default_material
 from ...core.errors import BodyError, DefsenseError, DeviceError
 from ...core.storage.file_names import safe_name
 from ...core.storage.files import unused_path
@@ -25,11 +26,7 @@ from ...workflow.starts.body_file import (
     notable_repairs,
     scale_to_size,
 )
-from ...workflow.starts.first_device import (
-    create_first_device,
-    default_material,
-    edge_length_range,
-)
+from ...workflow.starts.first_device import create_first_device, edge_length_range
 from ...workflow.starts.options import DEFAULT_PROCESS, UNITS, NewOptions
 from ...workflow.starts.starting_devices import (
     STARTING_DEVICES,

@@ -7,6 +7,8 @@ from typing import Any
 from tomlkit import TOMLDocument
 
 from ...core.device.cord_tables import SHEET
+from ...core.device.fabrication_table import FabricationTable
+from ...core.device.materials import default_material, is_makeable, list_processes
 from .edit import Edit, inline, number, rename_key, rows
 
 #: Keys of [material] that a row of the catalogue replaces.
@@ -70,8 +72,18 @@ def reset_value(table: str, key: str) -> Edit:
 
 
 def choose_material(name: str) -> Edit:
-    """Choose a material of the catalogue, and remove the values of the previous one."""
-    return _choose("material", name, _MATERIAL_KEYS)
+    """Choose a material of the catalogue, and remove the values of the previous one.
+
+    If the device's process does not make it, the first one that does is chosen, too.
+    """
+    choice = _choose("material", name, _MATERIAL_KEYS)
+
+    def change(document: TOMLDocument) -> None:
+        choice.change(document)
+        if not is_makeable(name, _process(document)):
+            document.setdefault("fabrication", {})["process"] = list_processes(name)[0]
+
+    return Edit(choice.name, change)
 
 
 def choose_cord(name: str) -> Edit:
@@ -85,8 +97,17 @@ def choose_trace(name: str) -> Edit:
 
 
 def choose_printer(name: str) -> Edit:
-    """Choose a printer of the catalogue."""
-    return set_value("fabrication", "process", name)
+    """Choose a printer of the catalogue.
+
+    If it does not make the device's material, its default material is chosen, too.
+    """
+
+    def change(document: TOMLDocument) -> None:
+        document.setdefault("fabrication", {})["process"] = name
+        if not is_makeable(str(document.get("material", {}).get("name", "")), name):
+            _choose("material", default_material(name), _MATERIAL_KEYS).change(document)
+
+    return Edit(f"set fabrication.process to {name}", change)
 
 
 def set_edge_length(value: float) -> Edit:
@@ -159,6 +180,12 @@ def _replace_in_mesh(old: str, new: str, value: float, name: str) -> Edit:
         mesh[new] = shorten(value)
 
     return Edit(name, change)
+
+
+def _process(document: TOMLDocument) -> str:
+    """Return the name of the process of a device."""
+    chosen = document.get("fabrication", {}).get("process")
+    return FabricationTable(process=chosen).row["name"]
 
 
 def _choose(table: str, name: str, keys: tuple[str, ...], row_key: str = "name") -> Edit:

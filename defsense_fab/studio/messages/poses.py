@@ -181,11 +181,21 @@ class SimulatedState(Record, frozen=True, kw_only=True):
 
 
 class PoseForces(Record, frozen=True, kw_only=True):
-    """The forces that hold the device in a pose, at its largest state."""
+    """The forces that hold the device in a pose, at its largest state.
+
+    Attributes:
+        pose: Name of the pose.
+        state: Name of the state.
+        held: Forces at everything that the pose moves.
+        effort: What holding the pose needs: fingers, a whole hand, or more than one hand can do.
+        warning: What is too hard for fingers or for a hand; empty if nothing is.
+    """
 
     pose: str
     state: str
     held: list[HeldForce]
+    effort: Literal["fingers", "hand", "beyond"]
+    warning: str
 
 
 class SimulatedStates(Event, frozen=True, kw_only=True):

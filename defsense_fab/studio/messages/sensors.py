@@ -16,12 +16,18 @@ class PoseError(Record, frozen=True, kw_only=True):
         pose: Name of the pose.
         error: Error, mm.
         movement: Root mean square of the markers' movement, mm.
+        travel: Largest movement of a marker, mm.
+        grade: How good the error is for that movement, on the scale of `error_scale.py`.
+        text: Error, share of the movement, and grade in words.
         signals: Relative change of resistance of each cord, (c,).
     """
 
     pose: str
     error: float
     movement: float
+    travel: float
+    grade: Literal["very good", "usable", "poor"]
+    text: str
     signals: list[float]
 
 

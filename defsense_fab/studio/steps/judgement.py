@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.device.device import Sensor
 from ...core.errors import LayoutError
+from ...workflow.build.results import describe_error, grade_error
 from ...workflow.design.cord_trial import CordTrial
 from ...workflow.design.layout_judge import JudgedLayout, LayoutCheck, LayoutJudge
 from ...workflow.view import Problem
@@ -68,6 +69,9 @@ def describe_layout(
                 pose=pose,
                 error=mm,
                 movement=judged.pose_movements[pose],
+                travel=judged.pose_travels[pose],
+                grade=grade_error(mm, judged.pose_travels[pose]),
+                text=describe_error(mm, judged.pose_travels[pose]),
                 signals=rounded(judged.pose_signals[pose]),
             )
             for pose, mm in judged.pose_errors.items()

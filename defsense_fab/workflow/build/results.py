@@ -5,6 +5,8 @@ from __future__ import annotations
 from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
 from ...core.storage.files import digest
+from ...decoding.error_scale import describe_error as describe_error
+from ...decoding.error_scale import grade_error as grade_error
 from ...decoding.expected_errors import MEANING as MEANING
 from ...decoding.expected_errors import NONE as NONE
 from ...report.surface_errors import SurfaceErrors as SurfaceErrors

@@ -11,6 +11,7 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.device.device import Device
 from ...core.mesh import Surface
+from ...decoding.error_scale import SCALE, describe_error
 from ...decoding.expected_errors import MEANING
 from ...geometry.bodies.orientation import viewing_axes
 from ...report.guide.guide import assembly_guide, write_guide
@@ -53,9 +54,14 @@ def run(device: Device, build: Build, report: Report) -> None:
     wiring, wiring_notes = plan_if_possible(device, manifest)
     if wiring is not None:
         write_wiring_files(wiring, folder)
-    notes = (*build.field_index.warnings, *wiring_notes)
+    notes = (*build.field_index.warnings, *build.forces.warnings, *wiring_notes)
     guide = assembly_guide(device, layout, manifest, build.parts, frame, notes, wiring)
-    guide = replace(guide, forces=tuple(p.describe() for p in build.forces.poses))
+    judged = describe_error(layout.band.trained.median, build.travel, build.size)
+    guide = replace(
+        guide,
+        forces=tuple(p.describe() for p in build.forces.poses),
+        accuracy=f"Expected error after training: {judged}. {SCALE}",
+    )
     if manifest.traces:
         guide = replace(guide, exploded=images["routing"])
     write_guide(guide, folder, viewer)
@@ -73,6 +79,11 @@ def run(device: Device, build: Build, report: Report) -> None:
         manifest=manifest,
         mesh=build.mesh_record,
         meaning=MEANING,
+        judged={
+            "trained": judged,
+            "parts": describe_error(layout.prediction.unseen, build.travel),
+            "scale": SCALE,
+        },
         states=_state_rows(device, build),
         answers=COMPRESSION_RESPONSES,
         images=images,
@@ -145,8 +156,7 @@ def _pose_pictures(
                     frame,
                     error_scale,
                 ),
-                "mean_error": errors.mean(i),
-                "moved": float(np.linalg.norm(errors.moved[i], axis=1).max()),
+                "judged": describe_error(errors.mean(i), errors.travel(i)),
                 "peak": planes.peak,
                 "cuts": [
                     f"{letter} {plane.words()}"

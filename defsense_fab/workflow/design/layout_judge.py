@@ -41,6 +41,7 @@ class JudgedLayout:
         decoder: Name of that decoder.
         pose_errors: Error (mm) in each pose at its largest simulated level, by the pose's name.
         pose_movements: Root mean square of the markers' movement (mm) in the same states.
+        pose_travels: Largest movement of a marker (mm) in the same states.
         pose_signals: (c,) signals of the cords in the same states, by the pose's name.
         signals: (n, c) signals of the cords in all states, rest first.
     """
@@ -49,6 +50,7 @@ class JudgedLayout:
     decoder: str
     pose_errors: Mapping[str, float]
     pose_movements: Mapping[str, float]
+    pose_travels: Mapping[str, float]
     pose_signals: Mapping[str, Float]
     signals: Float
 
@@ -98,6 +100,7 @@ class LayoutJudge:
         markers = self._task.everything.markers
         distances = np.linalg.norm(markers - markers[:1], axis=2)
         self._movements: list[float] = np.sqrt((distances**2).mean(axis=1)).tolist()
+        self._travels: list[float] = distances.max(axis=1).tolist()
         kinds = candidate_decoders(device, self._task)
         self._tasks = {kind: self._task.with_decoder(kind) for kind in kinds}
         self.surface = build.surface
@@ -146,6 +149,7 @@ class LayoutJudge:
             p.decoder,
             {pose: errors[names[k]] for pose, k in largest.items()},
             {pose: self._movements[k] for pose, k in largest.items()},
+            {pose: self._travels[k] for pose, k in largest.items()},
             {pose: best.signals[k] for pose, k in largest.items()},
             best.signals,
         )

@@ -21,6 +21,7 @@ MAX_SIDE_BEND_RATIO = 3.0  # width over thickness of bodies that bend sideways
 #: Degrees per ratio of length to thickness, and their smallest and largest value.
 BEND_DEG, TWIST_DEG = (6.0, 8.0, 30.0), (9.0, 12.0, 45.0)
 PULL_SHARE = 0.1  # of the length
+MIN_WHOLE_DEG = 4.0  # larger amplitudes are whole degrees
 
 
 @dataclass(frozen=True)
@@ -32,11 +33,16 @@ class BodyEnds:
             thickness.
         low: Smallest coordinates (3,) mm of the body along these axes.
         high: Largest coordinates (3,) mm.
+        volume: Volume, mm^3.
+        spread: Integrals (3,) over the volume of the squared distance from the center along each
+            axis, mm^5.
     """
 
     axes: Float
     low: Float
     high: Float
+    volume: float
+    spread: Float
 
     @property
     def size(self) -> Float:
@@ -68,18 +74,34 @@ class BodyEnds:
         is_flat = self.size[1] > MAX_SIDE_BEND_RATIO * self.size[2]
         return ("bend", "twist") if is_flat else ("bend", "bend_side", "twist")
 
-    def move(self, pose: str) -> dict[str, Any]:
-        """Return the motion of the tip in one of `options.END_POSES`, for device.toml."""
-        length, width, thickness = self.size
+    def move(self, pose: str, share: float = 1.0) -> dict[str, Any]:
+        """Return the motion of the tip in one of `options.END_POSES`, for device.toml.
+
+        Args:
+            pose: Name of the pose.
+            share: Share of the amplitude for such a shape, up to 1.
+        """
         if pose == "pull":
-            return {"translate": round_numbers(PULL_SHARE * length * self.axes[0])}
-        axis, across, (rate, smallest, largest) = {
-            "bend": (self.axes[1], thickness, BEND_DEG),
-            "bend_side": (self.axes[2], width, BEND_DEG),
-            "twist": (self.axes[0], width, TWIST_DEG),
-        }[pose]
-        degrees = round(float(np.clip(rate * length / across, smallest, largest)))
+            return {"translate": round_numbers(share * self.pull * self.axes[0])}
+        axis = self.axes[{"bend": 1, "bend_side": 2, "twist": 0}[pose]]
+        degrees = share * self.turn(pose)
+        degrees = round(degrees) if degrees >= MIN_WHOLE_DEG else float(f"{degrees:.2g}")
         return {"rotate": {"axis": round_numbers(axis), "degrees": degrees}, "translate": "free"}
+
+    @property
+    def pull(self) -> float:
+        """Amplitude of the pose `pull` for such a shape, mm."""
+        return PULL_SHARE * float(self.size[0])
+
+    def turn(self, pose: str) -> int:
+        """Return the amplitude of a pose that turns the tip for such a shape, degrees."""
+        length, width, thickness = self.size
+        across, (rate, smallest, largest) = {
+            "bend": (thickness, BEND_DEG),
+            "bend_side": (width, BEND_DEG),
+            "twist": (width, TWIST_DEG),
+        }[pose]
+        return round(float(np.clip(rate * length / across, smallest, largest)))
 
 
 def find_ends(surface: Surface) -> BodyEnds:
@@ -88,7 +110,8 @@ def find_ends(surface: Surface) -> BodyEnds:
     They are along its longest side, or along its principal axis if the body is slanted. The base is
     the foot of a standing body, and the thicker end of others.
     """
-    center, axes = _principal(surface)
+    center, volume, second = _moments(surface)
+    axes = _principal_axes(second)
     extents = np.ptp(surface.vertices, axis=0)
     principal = np.ptp(surface.vertices @ axes.T, axis=0)
     if (
@@ -108,11 +131,12 @@ def find_ends(surface: Surface) -> BodyEnds:
     sides = np.ptp(reach, axis=0)
     if sides[2] > sides[1]:
         axes, reach = axes[[0, 2, 1]], reach[:, [0, 2, 1]]
-    return BodyEnds(axes, reach.min(axis=0), reach.max(axis=0))
+    spread = np.einsum("ij,jk,ik->i", axes, second, axes)
+    return BodyEnds(axes, reach.min(axis=0), reach.max(axis=0), volume, spread)
 
 
-def _principal(surface: Surface) -> tuple[Float, Float]:
-    """Return the center of mass (3,) and the principal axes (3, 3) in rows, the longest first."""
+def _moments(surface: Surface) -> tuple[Float, float, Float]:
+    """Return the center of mass (3,), the volume, and the second moment (3, 3) about the center."""
     corners = surface.vertices[surface.faces]
     start = surface.vertices.mean(axis=0)
     tets = corners - start  # with `start` as their fourth corner
@@ -121,10 +145,16 @@ def _principal(surface: Surface) -> tuple[Float, Float]:
     sums = tets.sum(axis=1)
     second = np.einsum("i,ia,ib->ab", volumes, sums, sums)
     second = (second + np.einsum("i,ika,ikb->ab", volumes, tets, tets)) / 20
-    values, vectors = np.linalg.eigh(second - volumes.sum() * np.outer(center, center))
+    second = second - volumes.sum() * np.outer(center, center)
+    return center + start, float(volumes.sum()), second
+
+
+def _principal_axes(second: Float) -> Float:
+    """Return the principal axes (3, 3) of a second moment in rows, the longest first."""
+    values, vectors = np.linalg.eigh(second)
     axes = vectors[:, np.argsort(-values)].T
     signs = np.sign(axes[np.arange(3), np.abs(axes).argmax(axis=1)])
-    return center + start, axes * signs[:, None]
+    return np.asarray(axes * signs[:, None])
 
 
 def estimate_thickness(surface: Surface) -> float:

@@ -13,8 +13,10 @@ import numpy as np
 import tomlkit
 
 from ...core.arrays import Float
-from ...core.device.device import Device
+from ...core.device.device import Device, MaterialSpec
 from ...core.device.device_file import DEVICE, DeviceFile, load_device, parse_device
+from ...core.device.material_table import MaterialTable
+from ...core.device.materials import default_material, is_makeable, list_processes
 from ...core.errors import BodyError, DeviceError
 from ...core.progress import Progress, silent
 from ...core.schema.reference import commented
@@ -32,37 +34,10 @@ from .options import (
     UNIT_WORDS,
     NewOptions,
 )
+from .reachable_poses import reachable_share
 from .starting_devices import write_device
 
 MAX_SOLVABLE_TETS = 1_000_000  # that can be solved
-#: Materials of processes, by the start of the process's name.
-_MATERIALS = {
-    "fdm-tpu": "ninjaflex-85a",
-    "polyjet-agilus": "agilus30-black",
-    "polyjet": "tango-black-plus",
-    "sla-elastic": "formlabs-elastic-50a",
-    "sla-flexible": "formlabs-flexible-80a",
-    "sls-tpu": "eos-tpu-1301",
-    "cast-silicone": "dragon-skin-20",
-}
-
-
-def default_material(process: str) -> str:
-    """Return the material in materials.csv that a process in printers.csv prints.
-
-    Raises:
-        DeviceError: The process is user-defined (`unknown-material`).
-    """
-    for start, material in _MATERIALS.items():
-        if process.startswith(start):
-            return material
-    raise DeviceError(
-        f"the material of the process {process} is not known",
-        code="unknown-material",
-        where="process",
-        action="Give a material",
-        process=process,
-    )
 
 
 def fill_options(body: BodyFile, options: NewOptions) -> NewOptions:
@@ -86,6 +61,8 @@ def fill_options(body: BodyFile, options: NewOptions) -> NewOptions:
         edge_length = body.edge_length(unit)
     check_edge_length(body, unit, edge_length)
     process = options.process or DEFAULT_PROCESS
+    if options.process is None and not is_makeable(options.material or "", process):
+        process = list_processes(str(options.material))[0]
     return replace(
         options,
         name=options.name or body.name,
@@ -256,7 +233,8 @@ def _device_text(body: BodyFile, file: str, options: NewOptions, is_draft: bool)
         document.add(name, table)
     if not is_draft and options.poses != (MODES,):
         document.add(tomlkit.nl())
-        document.add("poses", _poses(ends, options.poses))
+        material = MaterialTable(name=str(options.material)).record()
+        document.add("poses", _poses(ends, options.poses, material))
     return tomlkit.dumps(document)
 
 
@@ -274,11 +252,12 @@ def _free_name(body: BodyFile, folder: Path) -> str:
     return unused_path(path).name
 
 
-def _poses(ends: BodyEnds, names: tuple[str, ...]) -> Any:
+def _poses(ends: BodyEnds, names: tuple[str, ...], material: MaterialSpec) -> Any:
     poses = tomlkit.aot()
     for name in names:
         handle, handles, pose = tomlkit.table(), tomlkit.aot(), tomlkit.table()
-        handle.update({"region": "tip", **_nested(ends.move(name))})
+        share = reachable_share(ends, name, material)
+        handle.update({"region": "tip", **_nested(ends.move(name, share))})
         handles.append(handle)
         pose.update({"name": name, "fixed": ["base"], "handles": handles})
         poses.append(pose)

@@ -10,6 +10,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
+from ...core.device.materials import find_process_problem
 from ...core.errors import DeviceError
 from ...core.schema.options import check_options
 from ...core.storage.package_data import read_rows
@@ -64,14 +65,16 @@ class NewOptions:
         cord: Set the cord; see defsense list cords (default: rubber-2mm, or that of the example).
         cords: Set the number of cords to place (default: one per pose, at least 3).
         name: Set the name of the device (default: name of the folder).
-        process: Set the fabrication process; see defsense list printers (default: fdm-tpu).
+        process: Set the fabrication process; see defsense list printers (default: fdm-tpu, or one
+            that makes the material).
         material: Set the material; see defsense list materials (default: that of the process).
         edge_length: Set the edge length of the mesh in mm (default: fitted to the body).
 
     Raises:
         DeviceError: A value is invalid (`unknown-unit`, `unknown-pose`, `unknown-cord`,
-            `unknown-process`, `unknown-material`, `name-invalid`, `out-of-range`), or both units
-            and size are given (`options-conflict`).
+            `unknown-process`, `unknown-material`, `name-invalid`, `out-of-range`), the process does
+            not make the material (`material-not-for-process`), or both units and size are given
+            (`options-conflict`).
     """
 
     body: str | None = None
@@ -101,6 +104,16 @@ class NewOptions:
             row = getattr(self, kind)
             if row is not None:
                 check_row(kind, row)
+        if self.material is not None and self.process is not None:
+            problem = find_process_problem(self.material, self.process)
+            if problem is not None:
+                raise DeviceError(
+                    problem.text,
+                    code=problem.code,
+                    where="material",
+                    action=problem.action,
+                    **problem.data,
+                )
 
     def check_example(self) -> None:
         """Check that no option is given whose value an example of the package has already.

@@ -19,7 +19,8 @@ def test_every_row_is_listed_with_its_key_numbers_also_in_a_narrow_terminal(
     out = capsys.readouterr().out
     for name, row in CATALOGUES[kind].rows().items():
         (line,) = (line for line in out.splitlines() if line.startswith(f"{name} "))
-        assert all(row[column.name] in line for column in CATALOGUES[kind].columns)
+        numbers = [row[c.name] for c in CATALOGUES[kind].columns if c.name != "processes"]
+        assert all(number in line for number in numbers)
 
 
 def test_all_numbers_and_the_source_of_a_row_are_shown(capsys):

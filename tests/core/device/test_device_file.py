@@ -14,7 +14,7 @@ from defsense_fab.core.storage.package_data import read_rows
 from tests.support.errors import raises
 from tests.support.places import BAR
 
-MATERIAL = 'name = "tango-black-plus"'
+MATERIAL = 'name = "ninjaflex-85a"'
 HANDLE = """[[poses.handles]]
 region = "tip"
 rotate = { axis = [0, 1, 0], degrees = -30 }
@@ -216,12 +216,12 @@ symmetry = [{ region = "base", normal = [0, 2, 0] }]
     [
         ('shore = "50A"\npoisson_ratio = 0.48', 2.456, "neo-hookean"),
         ('model = "mooney-rivlin"\nc10 = 0.1\nc01 = 0.05\npoisson_ratio = 0.48', 0.888, None),
-        ('model = "stable-neo-hookean"\nname = "ecoflex-00-30"', 0.12, "stable-neo-hookean"),
+        ('model = "stable-neo-hookean"\nname = "tpu-95a"', 26, "stable-neo-hookean"),
         ("young_modulus = 2.0\npoisson_ratio = 0.4", 2.0, "neo-hookean"),
     ],
 )
 def test_materials_by_hardness_constants_or_name(edit, text, young, model):
-    material = edit('name = "tango-black-plus"', text).material
+    material = edit('name = "ninjaflex-85a"', text).material
     assert material.young_modulus == pytest.approx(young, rel=1e-3)
     assert material.model == (model or "mooney-rivlin")
 
@@ -268,7 +268,7 @@ def changed(tmp_path):
 
 def test_a_material_for_casting_whose_name_is_not_a_text_is_refused(tmp_path):
     text = (BAR / "device.toml").read_text("utf-8")
-    text = text.replace('"tango-black-plus"', '["x"]').replace('"fdm-tpu"', '"cast-silicone"')
+    text = text.replace('"ninjaflex-85a"', '["x"]').replace('"fdm-tpu"', '"cast-silicone"')
     (tmp_path / "device.toml").write_text(text)
     shutil.copy(BAR / "bar.py", tmp_path)
     with raises(DeviceError, "value-type", key="material.name"):

@@ -80,7 +80,9 @@ def coarse():
 
 @pytest.fixture(scope="module")
 def device():
-    return load_device(BAR)
+    """The bar of a rubber of 0.6 MPa, which cords pull out of its shape."""
+    loaded = load_device(BAR)
+    return replace(loaded, material=replace(loaded.material, name="soft", young_modulus=0.6))
 
 
 def measured(note):
@@ -127,5 +129,5 @@ def test_stiff_bonded_cords_give_a_warning(device):
     layout = SimpleNamespace(sensors=(), middles={})
     (warning,) = cord_warnings(bonded, layout)
     assert "3 MPa" in warning
-    assert "tango-black-plus" in warning
+    assert "than soft (" in warning
     assert cord_warnings(firm, layout) == cord_warnings(device, layout) == {}

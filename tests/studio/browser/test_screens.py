@@ -121,7 +121,7 @@ def test_dialogs_of_a_device(screens, serve, built_bar):
     dismiss_introduction(page)
     enter(page, "Body")
     dialogs = {
-        "Choose the material": page.get_by_role("button", name="Material tango").click,
+        "Choose the material": page.get_by_role("button", name="Material ninjaflex").click,
         "Commands": lambda: page.keyboard.press("Control+k"),
         "Keyboard shortcuts": lambda: page.keyboard.press("?"),
     }

@@ -200,15 +200,15 @@ def test_lists_in_one_line_stay_in_one_line(folder):
 
 def test_a_chosen_material_or_cord_replaces_all_previous_values():
     text = TEXT.replace(
-        'name = "tango-black-plus"',
+        'name = "ninjaflex-85a"',
         'name = "own"  # measured\nshore = "30A"\ndensity = 1.0\npoisson_ratio = 0.4',
     )
-    assert changed(body.choose_material("tango-plus"), text) == [
+    assert changed(body.choose_material("tpu-95a"), text) == [
         '-name = "own"  # measured',
         '-shore = "30A"',
         "-density = 1.0",
         "-poisson_ratio = 0.4",
-        '+name = "tango-plus"  # measured',
+        '+name = "tpu-95a"  # measured',
     ]
     text = TEXT.replace(
         'name = "rubber-2mm"', 'name = "rubber-2mm"\nnoise = 0.001\nresponse = "r.json"'
@@ -218,6 +218,16 @@ def test_a_chosen_material_or_cord_replaces_all_previous_values():
         '+name = "rubber-1.7mm"',
         '-response = "r.json"',
     ]
+
+
+def test_a_material_and_a_printer_that_do_not_exist_together_are_not_chosen(folder):
+    cast = parse_device(done(body.choose_material("dragon-skin-20")), folder)
+    assert cast.fabrication.process == "cast-silicone"
+    resin = done(body.choose_printer("polyjet"))
+    assert parse_device(resin, folder).material.name == "tango-black-plus"
+    custom = TEXT.replace('"ninjaflex-85a"', '"own"\nyoung_modulus = 2.0\npoisson_ratio = 0.48')
+    kept = parse_device(done(body.choose_printer("polyjet"), custom), folder)
+    assert (kept.material.name, kept.fabrication.process) == ("own", "polyjet")
 
 
 def test_an_edge_length_takes_the_place_of_an_accuracy():
@@ -247,7 +257,6 @@ def test_small_values_keep_their_digits():
 
 def test_traces_in_space_are_written_moved_and_mirrored(folder):
     printed = TEXT.replace('name = "rubber-2mm"', 'process = "printed"\ntrace = "eel"')
-    printed = printed.replace('"tango-black-plus"', '"ninjaflex-85a"')
     assert printed.count("printed") == 1
     points = np.array([[2.0, 0, 0], [40, 5, 5], [80, -5, 0], [110, 0, 5]])
     curve = Hermite(points, 1.2 * catmull_rom(points))

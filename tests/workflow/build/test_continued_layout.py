@@ -82,7 +82,7 @@ def test_a_layout_that_keeps_the_new_limits_is_kept(folder, no_search):
 
 def test_a_change_of_stiffness_alone_keeps_fields_and_layout(folder, no_search):
     before = load_layout(folder / "build")
-    edit(folder, 'name = "tango-black-plus"', 'name = "tango-black-plus"\nyoung_modulus = 1.2')
+    edit(folder, 'name = "ninjaflex-85a"', 'name = "ninjaflex-85a"\nyoung_modulus = 1.2')
     after, made = optimize(folder)
     assert (after.continued, made) == ("kept", ("optimize",))
     assert paths(after) == paths(before)
@@ -94,7 +94,7 @@ def test_a_change_of_stiffness_alone_keeps_fields_and_layout(folder, no_search):
 def test_under_loads_the_stiffness_counts(folder, load):
     edit(folder, 'name = "bend_up"', f'name = "bend_up"\n{load}')
     edit(folder, "[regions]", "[regions]\ntop = { box = [[20, -16, 14], [130, 16, 16]] }")
-    edit(folder, 'name = "tango-black-plus"', 'name = "tango-black-plus"\nyoung_modulus = 2.4')
+    edit(folder, 'name = "ninjaflex-85a"', 'name = "ninjaflex-85a"\nyoung_modulus = 2.4')
     sagged = []
     for young_modulus in (2.4, 0.6):
         edit(folder, "young_modulus = 2.4", f"young_modulus = {young_modulus}")

@@ -181,7 +181,7 @@ def test_lengths_and_resistances_of_the_cut_list(cube, manifest):
         assert c["range"][1] == pytest.approx(c["resistance"] * (1 + top))
         assert c["reference_resistor"] == pytest.approx(np.sqrt(np.prod(c["range"])), rel=0.06)
     items = " ".join(b["item"] for b in manifest["bill"])
-    for word in ("silicone-shore-30a", "rubber-2mm", "ferrule", "wire", "pin-", "resistor", "glue",
+    for word in ("ninjaflex-85a", "rubber-2mm", "ferrule", "wire", "pin-", "resistor", "glue",
                  "Arduino Nano"):  # fmt: skip
         assert word in items
     assert device.fabrication.pockets

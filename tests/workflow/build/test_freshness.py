@@ -63,9 +63,9 @@ def test_a_change_outdates_the_stages_that_depend_on_it(folder):
 )
 def test_silicone_data_affect_only_cast_devices(folder, monkeypatch, change, old):
     path = folder / "device.toml"
-    text = path.read_text("utf-8").replace("tango-black-plus", "smooth-sil-950")
-    for process in ("cast-silicone", "fdm-tpu"):
-        path.write_text(text.replace("fdm-tpu", process))
+    text = path.read_text("utf-8")
+    for process, material in (("cast-silicone", "smooth-sil-950"), ("fdm-tpu", "ninjaflex-85a")):
+        path.write_text(text.replace("fdm-tpu", process).replace("ninjaflex-85a", material))
         device = load_device(folder)
         before = stages.stage_keys(device, folder / "build")
         with monkeypatch.context() as m:

@@ -13,7 +13,7 @@ from defsense_fab.workflow.changed_values import changed_device
 
 
 def test_forces_are_those_of_the_material(saved, capsys):
-    """M = E I angle / L for 0.6 MPa, 20 x 20 mm, and 69 mm between the ends.
+    """M = E I angle / L for 12 MPa, 20 x 20 mm, and 69 mm between the ends.
 
     The held ends stiffen a bar this short by about 14 %.
     """
@@ -21,7 +21,7 @@ def test_forces_are_those_of_the_material(saved, capsys):
     bend, twist = json.loads(capsys.readouterr().out)["forces"]["poses"]
     assert (bend["pose"], bend["state"], twist["state"]) == ("bend", "bend@1", "twist@1")
     (tip,) = bend["held"]
-    moment = 0.6 * 20**4 / 12 * np.deg2rad(20) / 69
+    moment = 12 * 20**4 / 12 * np.deg2rad(20) / 69
     assert tip["moment"][1] == pytest.approx(moment, rel=0.2)
     assert np.abs(tip["force"]).max() < 1e-3 * moment / 69
     assert bend["power"] == pytest.approx(tip["moment"][1] * np.deg2rad(20))
@@ -31,7 +31,7 @@ def test_forces_are_those_of_the_material(saved, capsys):
 def test_forces_are_proportional_to_the_modulus(saved):
     device, build = load_device(saved), Build(saved / "build")
     text = (saved / "device.toml").read_text(encoding="utf-8")
-    stiffer = changed_device(text, saved, {"material.young_modulus": 6.0})
+    stiffer = changed_device(text, saved, {"material.young_modulus": 120.0})
     before, after = (
         pose_forces(d, build.quadratic_mesh, build.fields).poses for d in (device, stiffer)
     )

@@ -65,7 +65,6 @@ def write_device(folder, **changes):
         "edge_length = 8.0": "edge_length = 15.0",
         "markers = 40": "markers = 8",
         "ramp = [0.25, 0.5, 0.75, 1.0]": "ramp = [0.5, 1.0]",
-        '"tango-black-plus"': '"ninjaflex-85a"',
         **changes,
     }.items():
         assert old in text
@@ -213,8 +212,17 @@ def test_a_file_that_is_no_gcode_is_refused(folder):
 @pytest.mark.parametrize(
     ("changes", "code"),
     [
-        ({'"ninjaflex-85a"': '"ecoflex-00-30"'}, "trace-too-stiff"),
-        ({'"fdm-tpu"': '"polyjet"'}, "printer-without-second-extruder"),
+        (
+            {'"ninjaflex-85a"': '"soft"\nyoung_modulus = 0.12\npoisson_ratio = 0.49'},
+            "trace-too-stiff",
+        ),
+        (
+            {
+                '"ninjaflex-85a"': '"own"\nyoung_modulus = 12\npoisson_ratio = 0.48',
+                '"fdm-tpu"': '"polyjet"',
+            },
+            "printer-without-second-extruder",
+        ),
         ({'"fdm-tpu"': '"fdm-tpu"\nline = 0.8'}, "trace-too-thin"),
         ({'"fdm-tpu"': '"fdm-tpu"\nlayer = 0.5'}, "trace-too-thin"),
         ({"searches = 1": "searches = 1\nplanes = 1"}, "key-not-applicable"),

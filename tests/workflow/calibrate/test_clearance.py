@@ -75,6 +75,6 @@ def test_casting_process_has_no_coupon(folder, capsys):
     assert not (folder / "out").exists()
     path = folder / "device.toml"
     text = path.read_text("utf-8").replace('process = "fdm-tpu"', 'process = "cast-silicone"')
-    path.write_text(text.replace("tango-black-plus", "ecoflex-00-30"))
+    path.write_text(text.replace("ninjaflex-85a", "ecoflex-00-30"))
     assert main(["calibrate", "clearance", str(folder), "--fits", "0.2"]) == 0
     assert "note: cast-silicone" in capsys.readouterr().out

@@ -240,7 +240,7 @@ def test_a_device_states_filament_section_and_printer(tmp_path):
     for name in ("device.toml", "bar.py"):
         shutil.copy(DEVICES / "bar" / name, tmp_path)
     path = tmp_path / "device.toml"
-    text = path.read_text(encoding="utf-8").replace("tango-black-plus", "ninjaflex-85a")
+    text = path.read_text(encoding="utf-8")
     cord = '[cord]\nprocess = "printed"\ntrace = "eel"\nwidth = 1.6\nbetween_layers = 5\n'
     start, end = text.index("[cord]"), text.index("[", text.index("[cord]") + 1)
     text = text[:start] + cord + "\n" + text[end:]

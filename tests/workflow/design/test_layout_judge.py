@@ -35,6 +35,7 @@ def test_pose_errors_are_those_of_the_largest_state_of_each_pose(judge, live_bar
         assert judged.pose_errors[pose] > 0
         moved = np.linalg.norm(judge.task.everything.markers[largest], axis=1)
         assert judged.pose_movements[pose] == pytest.approx(np.sqrt((moved**2).mean()))
+        assert judged.pose_travels[pose] == pytest.approx(moved.max())
 
 
 def test_the_best_of_the_fast_decoders_is_taken(judge, live_bar):

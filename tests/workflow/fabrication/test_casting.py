@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.device.device_file import load_device, parse_device
-from defsense_fab.core.device.materials import find_silicone
+from defsense_fab.core.device.materials import default_material, find_silicone
 from defsense_fab.core.errors import DeviceError
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.geometry.moulds.records import Mould
@@ -22,10 +22,12 @@ from tests.support.places import DEVICES
 BAR = DEVICES / "bar"
 
 
-def device(fabrication, material='name = "dragon-skin-30"'):
+def device(fabrication, material=None):
+    name = "dragon-skin-30" if "cast" in fabrication else "ninjaflex-85a"
+    material = material or f'name = "{name}"'
     text = (BAR / "device.toml").read_text("utf-8")
     text = text.replace('process = "fdm-tpu"', fabrication)
-    return parse_device(text.replace('name = "tango-black-plus"', material), BAR)
+    return parse_device(text.replace('name = "ninjaflex-85a"', material), BAR)
 
 
 def mould(volume, strain=0.0):
@@ -62,8 +64,7 @@ def test_shrinkage_is_that_of_the_device_or_of_its_silicone():
 
 def test_every_process_is_read_and_advises():
     for name, row in read_rows("printers.csv").items():
-        material = "dragon-skin-30" if row["kind"] == "cast" else "tpu-85a"
-        printed = device(f'process = "{name}"', f'name = "{material}"')
+        printed = device(f'process = "{name}"', f'name = "{default_material(name)}"')
         advice = " ".join(print_advice(printed, {}))
         assert "support" in advice or "sealed" in advice
         assert row["source"]
@@ -77,8 +78,8 @@ def test_every_process_is_read_and_advises():
     ("process", "material", "is_advised"),
     [
         ("fdm-tpu", "tpu-85a", True),
-        ("sla-elastic", "tpu-85a", True),
-        ("sls-tpu", "tpu-85a", False),
+        ("sla-elastic", "formlabs-elastic-50a", True),
+        ("sls-tpu", "eos-tpu-1301", False),
         ("cast-silicone", "dragon-skin-30", True),
     ],
 )
@@ -116,7 +117,7 @@ def test_custom_process_gets_the_advice_for_all_processes():
         (
             'process = "cast-silicone"',
             'name = "ninjaflex-85a"',
-            "material-not-castable",
+            "material-not-for-process",
             "material.name",
         ),
         (
@@ -140,7 +141,7 @@ def test_custom_process_gets_the_advice_for_all_processes():
 )
 def test_settings_that_cannot_be_are_refused(fabrication, material, code, key):
     with raises(DeviceError, code, key=key):
-        device(fabrication, material or 'name = "dragon-skin-30"')
+        device(fabrication, material)
 
 
 def test_copies_lie_on_the_plates_and_do_not_move_the_cords():

@@ -19,7 +19,6 @@ def printed(**cord):
     values = "".join(f"{key} = {value}\n" for key, value in cord.items())
     table = f'[cord]\nprocess = "printed"\ntrace = "eel"\n{values}\n'
     text = text[: text.index("[cord]")] + table
-    text = text.replace("tango-black-plus", "ninjaflex-85a")
     text += '[fabrication]\nprocess = "fdm-tpu"\n\n[design]\nsensors = 1\n'
     return parse_device(text, BAR)
 

@@ -26,7 +26,7 @@ name = "box"
 [body]
 mesh = "box.stl"
 [material]
-name = "tango-black-plus"
+name = "ninjaflex-85a"
 [mesh]
 edge_length = 20.0
 [regions]

@@ -34,7 +34,7 @@ name = "box"
 [body]
 mesh = "box.stl"
 [material]
-name = "tango-black-plus"
+name = "ninjaflex-85a"
 [mesh]
 edge_length = 6.0
 [regions]

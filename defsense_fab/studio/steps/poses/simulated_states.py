@@ -62,6 +62,8 @@ def _forces(build: Build) -> list[PoseForces]:
                 )
                 for held in pose.held
             ],
+            effort=pose.effort,
+            warning=pose.warning,
         )
         for pose in record.poses
     ]

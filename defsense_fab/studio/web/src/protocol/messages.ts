@@ -2765,12 +2765,18 @@ export interface Judgement {
  *         pose: Name of the pose.
  *         error: Error, mm.
  *         movement: Root mean square of the markers' movement, mm.
+ *         travel: Largest movement of a marker, mm.
+ *         grade: How good the error is for that movement, on the scale of `error_scale.py`.
+ *         text: Error, share of the movement, and grade in words.
  *         signals: Relative change of resistance of each cord, (c,).
  */
 export interface PoseError {
   pose: string;
   error: number;
   movement: number;
+  travel: number;
+  grade: "poor" | "usable" | "very good";
+  text: string;
   signals: number[];
 }
 /**
@@ -3005,11 +3011,20 @@ export interface SimulatedState {
 }
 /**
  * The forces that hold the device in a pose, at its largest state.
+ *
+ *     Attributes:
+ *         pose: Name of the pose.
+ *         state: Name of the state.
+ *         held: Forces at everything that the pose moves.
+ *         effort: What holding the pose needs: fingers, a whole hand, or more than one hand can do.
+ *         warning: What is too hard for fingers or for a hand; empty if nothing is.
  */
 export interface PoseForces {
   pose: string;
   state: string;
   held: HeldForce[];
+  effort: "beyond" | "fingers" | "hand";
+  warning: string;
 }
 /**
  * The force at one place in the state that needs the most.

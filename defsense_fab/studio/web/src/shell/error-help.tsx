@@ -15,6 +15,10 @@ const ERRORS: readonly [name: string, meaning: string][] = [
     "What remains in the hand after training on a recorded session, a third of which is near rest. It also contains the memory of the cords, which depend on how they were stretched before, and the tolerances of built devices. The range is that of 90 of 100 devices.",
   ],
   [
+    "Very good, usable, poor",
+    "How large an error is, compared with the farthest that the surface moves. The report states the scale, which is a choice of this project.",
+  ],
+  [
     "Measured error",
     "The error of a trained model in recorded frames that it was not trained on. Measure shows it; compare it with the error in use.",
   ],

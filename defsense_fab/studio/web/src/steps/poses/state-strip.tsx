@@ -205,6 +205,11 @@ function Forces({ pose }: { pose: string }) {
         </span>
       ))}
       {!states?.isCurrent && <span class="muted"> in the last simulation</span>}
+      {forces.warning && (
+        <span class="problem-text" {...tooltip(forces.warning)}>
+          {forces.effort === "beyond" ? ", more than one hand can do" : ", with a whole hand"}
+        </span>
+      )}
     </p>
   );
 }
