@@ -14,6 +14,7 @@ from ..curve import REST_FRAME, Hermite, Plane
 from ..response import MeasuredResponse, ResponseSpec
 from .filaments import TraceSpec
 from .pads import PadSpec
+from .prices import Prices
 from .regions import Shape
 
 BodyKind = Literal["script", "step", "mesh"]
@@ -303,6 +304,7 @@ class FabricationSpec:
         shrinkage: Linear shrinkage of the cast material; None for that of the silicone's row.
         up: Unit direction that points up as a body with printed traces is printed.
         keep_whole: Names of regions that no joint and no channel may cross.
+        rate: Volume that the printer extrudes, mm^3/s; None if its time is not estimated.
     """
 
     process: str
@@ -328,6 +330,7 @@ class FabricationSpec:
     shrinkage: float | None = None
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
     keep_whole: tuple[str, ...] = ()
+    rate: float | None = None
 
 
 #: Freedoms of a cord's plane: position and direction, or position only.
@@ -398,6 +401,7 @@ class Device:
         searches: Largest number of searches; None for the number that the cords need.
         exits: Names of the regions in which wires leave the body; empty for anywhere.
         pad: Pads of printed traces; None for cords.
+        prices: Prices that the user gives.
     """
 
     name: str
@@ -422,6 +426,7 @@ class Device:
     searches: int | None = None
     exits: tuple[str, ...] = ()
     pad: PadSpec | None = None
+    prices: Prices = field(default_factory=Prices)
 
     @property
     def simulated_material(self) -> MaterialSpec:

@@ -33,6 +33,7 @@ from .material_table import MaterialTable
 from .materials import find_silicone
 from .pads import PADS
 from .pose_tables import PoseTable, StatesTable, check_pose_names, repeated_states
+from .prices import PricesTable
 from .regions import HalfSpace, hull_points
 from .sensor_tables import SensorTable
 
@@ -77,6 +78,9 @@ class DeviceFile(Table, frozen=True, kw_only=True):
     )
     design: Annotated[DesignTable, key("What is found automatically.")] = msgspec.field(
         default_factory=DesignTable
+    )
+    prices: Annotated[PricesTable, key("What you pay, for the cost.")] = msgspec.field(
+        default_factory=PricesTable
     )
     sensors: Annotated[
         tuple[SensorTable, ...],
@@ -209,6 +213,7 @@ def read_device(
         searches=design.searches,
         exits=exits,
         pad=PADS[_pad_name(declared)] if declared.cord.is_printed else None,
+        prices=declared.prices.record(),
     )
 
 
