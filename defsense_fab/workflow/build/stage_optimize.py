@@ -49,6 +49,7 @@ from ...store.layout import (
     save_weighed,
 )
 from ..design.session_shares import session_shares
+from ..fabrication.print_time import pieces_of_parts
 from .continued_layout import EarlierLayout
 from .drawing_repair import describe_repairs, repair_drawing
 from .layout_searches import MapTasks, Search, SearchObserver, SearchRunner
@@ -345,6 +346,7 @@ def _weighed_record(trial: Trial, chosen: bool) -> WeighedRecord:
         warnings=trial.warnings,
         problem=trial.problem,
         chosen=chosen,
+        pieces=() if trial.part_set is None else pieces_of_parts(trial.part_set),
     )
 
 

@@ -39,7 +39,7 @@ _TRACE = (
 )
 _PARTS = (
     *("pockets", "limit_cuts", "strain_relief", "prestretch", "lead", "wire_diameter", "line"),
-    *("layer", "hole", "copies", "marker_seats", "marker_size"),
+    *("layer", "rate", "hole", "copies", "marker_seats", "marker_size"),
 )
 _MOULDS = ("mould_wall", "shrinkage")
 #: Fields whose name alone is not clear on a page.
