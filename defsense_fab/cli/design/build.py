@@ -50,10 +50,13 @@ def _stage_command(name: str, last_stage: str) -> Command:
             folder: Folder that contains device.toml.
         """
         from ...core.device.device_file import load_device
+        from ...core.storage.typed_json import to_json
         from ...workflow.build.build import build as run_stages
         from ...workflow.build.build import summary
         from ...workflow.build.recorded_options import recorded_options
+        from ...workflow.build.results import has_parts
         from ...workflow.build.stages import STAGES_WITHOUT_CORDS
+        from ...workflow.fabrication.effort import find_effort
 
         _refuse_unused(name, options)
         needs_cords = last_stage not in STAGES_WITHOUT_CORDS
@@ -64,6 +67,9 @@ def _stage_command(name: str, last_stage: str) -> Command:
         with standard_output():
             if output.json:
                 summarized = summary(result.folder)
+                if has_parts(result.results):
+                    effort = find_effort(device, result.results.manifest)
+                    summarized["effort"] = {**to_json(effort), "print_hours": effort.print_hours}
                 print_json({**summarized, "made": result.made, "reused": result.reused})
                 return
             _print_result(result, device)
@@ -111,10 +117,13 @@ def _print_result(result: BuildResult, device: Device) -> None:
     from ...workflow.board.wiring import plan_if_possible
     from ...workflow.build.load_cases import describe_states
     from ...workflow.build.results import has_layout, has_parts, has_poses
+    from ...workflow.fabrication.effort import find_effort
 
     if not result.made:
         print_lines(["Everything is up to date."])
     results = result.results
+    if has_parts(results):
+        print_lines([f"{find_effort(device, results.manifest).describe()}."])
     mesh = results.mesh_record
     print_lines(_describe_mesh(mesh))
     if "body" in result.made:
@@ -132,6 +141,7 @@ def _print_result(result: BuildResult, device: Device) -> None:
         print_lines(f"force: {pose.describe()}" for pose in results.forces.poses)
     if has_parts(results):
         _print_parts(results.manifest)
+        _print_offers(device, results.layout)
         print_lines(f"note: {note}" for note in plan_if_possible(device, results.manifest)[1])
 
 
@@ -266,6 +276,16 @@ def _describe_trials(layout: LayoutRecord, noun: str) -> list[str]:
             f"{t.built:.2f} mm{parts} {planes}{slanted}{' (chosen)' if t.chosen else ''}"
         )
     return [f"compared layouts, unseen states as built: {'; '.join(dict.fromkeys(results))}"]
+
+
+def _print_offers(device: Device, layout: LayoutRecord) -> None:
+    """Print the layouts to choose from, with their errors and the times to print them."""
+    from ...workflow.fabrication.offers import find_offers
+
+    offers = find_offers(device, layout)
+    if len(offers) > 1:
+        texts = (f"{o.describe()}{' (chosen)' if o.is_chosen else ''}" for o in offers)
+        print_lines([f"layouts to choose from: {'; '.join(texts)}"])
 
 
 def _print_parts(manifest: Manifest) -> None:

@@ -80,13 +80,35 @@ def prefer_layout(trials: Sequence[W], prefer: str) -> W | None:
     Returns:
         The chosen layout, or None if no layout can be made.
     """
-    feasible = [t for t in trials if t.problem is None and t.parts is not None]
+    feasible = _feasible(trials)
     if not feasible:
         return None
-    if prefer == "accuracy":
-        return min(feasible, key=_built)
-    best = min(_built(t) for t in feasible)
-    similar = [t for t in feasible if _built(t) <= SIMILAR_ERROR_RATIO * best]
+    return min(feasible, key=_built) if prefer == "accuracy" else _simplest(feasible)
+
+
+def offered_layouts(trials: Sequence[W]) -> list[W]:
+    """Return the layouts to choose from: for each number of parts the simplest of the best.
+
+    Args:
+        trials: The layouts; those whose parts were not made are ignored.
+
+    Returns:
+        The layouts, the one with the fewest parts first.
+    """
+    feasible = _feasible(trials)
+    counts = sorted({t.parts or 0 for t in feasible})
+    return [_simplest([t for t in feasible if t.parts == count]) for count in counts]
+
+
+def _feasible(trials: Sequence[W]) -> list[W]:
+    """Return the layouts whose parts were made."""
+    return [t for t in trials if t.problem is None and t.parts is not None]
+
+
+def _simplest(trials: Sequence[W]) -> W:
+    """Return the simplest of the layouts that are about as good as the best of them."""
+    best = min(_built(t) for t in trials)
+    similar = [t for t in trials if _built(t) <= SIMILAR_ERROR_RATIO * best]
     return min(similar, key=lambda t: (*assembly_effort(t), _built(t)))
 
 

@@ -60,6 +60,7 @@ class Guide:
         faces: Templates of the joints' faces at 1:1.
         forces: A line on the force of each pose.
         wiring: How the cords are connected; None if the board cannot read them.
+        effort: Table of what the device takes, with the basis of each figure.
     """
 
     device: str
@@ -74,6 +75,7 @@ class Guide:
     faces: tuple[FaceTemplate, ...]
     forces: tuple[str, ...] = ()
     wiring: WiringSection | None = None
+    effort: GuideTable | None = None
 
     @property
     def title(self) -> str:
