@@ -80,7 +80,7 @@ def _stage_command(name: str, last_stage: str) -> Command:
                 print_lines(
                     [
                         f"note: the previous plates were made with {previous}, these with {values}."
-                        " Repeat the option, or set it under [fabrication] in device.toml."
+                        " Repeat the option, or set it in device.toml."
                     ]
                 )
 
@@ -285,7 +285,12 @@ def _print_offers(device: Device, layout: LayoutRecord) -> None:
     offers = find_offers(device, layout)
     if len(offers) > 1:
         texts = (f"{o.describe()}{' (chosen)' if o.is_chosen else ''}" for o in offers)
-        print_lines([f"layouts to choose from: {'; '.join(texts)}"])
+        print_lines(
+            [
+                f"layouts to choose from: {'; '.join(texts)}. --parts N takes another one"
+                " without a search."
+            ]
+        )
 
 
 def _print_parts(manifest: Manifest) -> None:

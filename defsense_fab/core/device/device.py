@@ -286,14 +286,12 @@ class FabricationSpec:
         bed: Size of the print bed, mm.
         pockets: Whether joints of cord and wire get pockets in the body.
         limit_cuts: Whether a cut is limited to the area that its cords need.
-        strain_relief: Whether wires leave their pockets by a bend; None where that costs little
-            accuracy.
+        strain_relief: Whether wires leave by a bend; None where that costs little accuracy.
         wire_diameter: Diameter of the wires, mm.
         marker_seats: Number of flats for tags.
         marker_size: Size of the tags, mm.
         assembly: How cords are assembled, a name in `ASSEMBLIES`.
-        prestretch: Share of its length by which a held cord is stretched during assembly; None
-            for as much as it needs.
+        prestretch: Share by which a held cord is stretched in assembly; None: as much as it needs.
         kind: Kind of process, a name in `PROCESS_KINDS`.
         line: Width of the printer's lines, mm.
         layer: Height of the printer's layers, mm.
@@ -402,6 +400,7 @@ class Device:
         exits: Names of the regions in which wires leave the body; empty for anywhere.
         pad: Pads of printed traces; None for cords.
         prices: Prices that the user gives.
+        parts: Number of parts of the layout to take; None for the fewest with a small error.
     """
 
     name: str
@@ -427,6 +426,7 @@ class Device:
     exits: tuple[str, ...] = ()
     pad: PadSpec | None = None
     prices: Prices = field(default_factory=Prices)
+    parts: int | None = None
 
     @property
     def simulated_material(self) -> MaterialSpec:

@@ -214,6 +214,7 @@ def read_device(
         exits=exits,
         pad=PADS[_pad_name(declared)] if declared.cord.is_printed else None,
         prices=declared.prices.record(),
+        parts=design.parts,
     )
 
 
@@ -354,9 +355,10 @@ def _check_traces(declared: DeviceFile, trace: TraceSpec) -> Iterator[Problem]:
                 "trace-too-thin",
                 f"Use {_MIN_TRACE_BEADS * bead:g} mm or more, or less [fabrication] {beads[:-1]}",
             )
-    if declared.design.planes is not None:
-        text = "printed traces need no planes, as the body is not cut"
-        yield Problem(("design", "planes"), text, "key-not-applicable", "Remove it")
+    for name in ("planes", "parts"):
+        if getattr(declared.design, name) is not None:
+            text = f"printed traces need no {name}, as the body is not cut"
+            yield Problem(("design", name), text, "key-not-applicable", "Remove it")
     if declared.body.bay is not None:
         text = "wires reach printed traces at pads on the skin, so a bay is not used"
         yield Problem(("body", "bay"), text, "bay-with-traces", "Remove it")

@@ -239,7 +239,7 @@ STAGES = (
         "optimize",
         "optimize the layout",
         ("layout.json", "prediction.json", "layouts.json", FORCES, TRACED),
-        lambda d: (*layout_parts(d), plain(d.sensors)),
+        lambda d: (*layout_parts(d), plain(d.sensors), d.parts),
         ("daqp", "libigl"),  # NumPy and SciPy count by the key of the stage before
         _COARSER,
     ),

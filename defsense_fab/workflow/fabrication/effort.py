@@ -119,7 +119,7 @@ class Effort:
         items.append(f"{describe_count(self.joints, 'joint')} to glue")
         items.append(f"{describe_hours(time.minutes / 60)} of assembly")
         if time.cures:
-            items.append(f"{describe_count(time.cures, 'cure')} of {_each(time)} between")
+            items.append(f"{describe_count(time.cures, 'wait')} of {_each(time)} for glue")
         if self.cost is not None:
             items.append(f"{self.cost.amount:.2f} {self.cost.currency}")
         return ", ".join(items)
@@ -134,7 +134,8 @@ def describe_hours(hours: float) -> str:
     """Return a time as an estimate is stated, as in "35 min", "2.3 h" and "18 h"."""
     if hours < 1:
         return f"{60 * hours:.0f} min"
-    return f"{hours:.1f} h" if hours < _MIN_WHOLE_HOURS else f"{hours:.0f} h"
+    digits = 1 if hours < _MIN_WHOLE_HOURS else 0
+    return f"{hours:.{digits}f}".removesuffix(".0") + " h"
 
 
 def effort_table(device: Device, manifest: Manifest) -> GuideTable:
@@ -155,11 +156,11 @@ def effort_table(device: Device, manifest: Manifest) -> GuideTable:
             (
                 "waiting",
                 describe_hours(time.cure_hours),
-                f"{describe_count(time.cures, 'cure')}, one after another, of {_each(time)} each,"
-                " as assumed: the glue's package has its time",
+                f"{describe_count(time.cures, 'wait')} of {_each(time)} for glue, which is assumed:"
+                " its package has the time",
             )
         )
-    return GuideTable("What it takes", ("", "about", "basis"), (*rows, _cost_row(effort)))
+    return GuideTable("What it takes", ("item", "about", "basis"), (*rows, _cost_row(effort)))
 
 
 def _print_rows(device: Device, effort: Effort) -> list[tuple[str, str, str]]:

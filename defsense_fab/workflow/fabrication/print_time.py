@@ -17,8 +17,8 @@ from ...geometry.parts.records import PartSet
 from ...store.manifest import Manifest, Plate
 from ...store.printed_pieces import PrintedPiece
 
-#: Time of a piece in each of its layers for travel, retraction, slow outer walls and the next layer:
-#: 2.3 s in PrusaSlicer's estimate for the peg of the fit coupon, rounded.
+#: Time of a piece in each of its layers for travel, retraction and slow outer walls: 2.3 s in
+#: PrusaSlicer's estimate for the peg of the fit coupon, rounded.
 LAYER_S = 2.0
 _HOUR_S = 3600.0
 

@@ -113,7 +113,7 @@ def test_the_line_and_the_table_state_the_same(device, manifest):
 
 @pytest.mark.parametrize(
     ("hours", "text"),
-    [(0.5, "30 min"), (2.34, "2.3 h"), (17.6, "18 h"), (1.0, "1.0 h")],
+    [(0.5, "30 min"), (2.34, "2.3 h"), (17.6, "18 h"), (1.0, "1 h"), (120.2, "120 h")],
 )
 def test_times_are_rounded_to_their_accuracy(hours, text):
     assert describe_hours(hours) == text
