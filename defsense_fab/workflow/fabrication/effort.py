@@ -116,7 +116,8 @@ class Effort:
         items.append(f"{self.mass:.0f} g of material")
         if self.cord:
             items.append(f"{self.cord:.0f} mm of cord and {self.spare:.0f} mm spare")
-        items.append(f"{describe_count(self.joints, 'joint')} to glue")
+        if self.joints:
+            items.append(f"{describe_count(self.joints, 'joint')} to glue")
         items.append(f"{describe_hours(time.minutes / 60)} of assembly")
         if time.cures:
             items.append(f"{describe_count(time.cures, 'wait')} of {_each(time)} for glue")
@@ -147,8 +148,8 @@ def effort_table(device: Device, manifest: Manifest) -> GuideTable:
         (
             "assembly",
             describe_hours(time.minutes / 60),
-            f"{describe_count(effort.joints, 'joint')} to glue; the time of each action is assumed"
-            f" (data/{_TIMES})",
+            (f"{describe_count(effort.joints, 'joint')} to glue; " if effort.joints else "")
+            + f"the time of each action is assumed (data/{_TIMES})",
         )
     )
     if time.cures:
