@@ -211,7 +211,7 @@ def choose_layout(
     in the order of the errors as built, until no other layout can be chosen. Clearly worse layouts
     are considered only if none of these can be made, or none has the number of `[design] parts`.
     Layouts with fewer planes or fewer slanted ones are always among the trials, to show what they
-    cost.
+    cost; the parts of those with fewer planes are made, so that they can be taken.
 
     Args:
         device: The device.
@@ -252,8 +252,10 @@ def choose_layout(
         least = min((t.built for t in trials if t.parts is not None), default=float("inf"))
         unmade = [t for t in trials if t.problem is None and t.parts is None]
         unmade = [t for t in unmade if not any(_surpasses(m, t) for m in _feasible(trials))]
-        following = min(unmade, key=_built, default=None)
-        if following is not None and following.built <= ratio * least:
+        following = min((t for t in unmade if t.built <= ratio * least), key=_built, default=None)
+        if following is None and best is not None:
+            following = _best_with_fewer_planes(trials)
+        if following is not None:
             number = 1 + sum(t.parts is not None or t.problem is not None for t in trials)
             report(share * (number - 1) / len(trials), f"making layout {number} on trial")
             made_trial = make_on_trial(task, following, surface, bay)
@@ -272,6 +274,13 @@ def choose_layout(
         else:
             failed = _fail(best, error)
             trials = [failed if t is best else t for t in trials]
+
+
+def _best_with_fewer_planes(trials: Sequence[Trial]) -> Trial | None:
+    """Return the best layout with fewer planes than all whose parts were made, to offer it, too."""
+    fewest = min(t.planes for t in _feasible(trials))
+    fewer = (t for t in trials if t.parts is None and not t.problem and t.planes < fewest)
+    return min(fewer, key=_built, default=None)
 
 
 def _surpasses(made: Trial, unmade: Trial) -> bool:
