@@ -16,6 +16,7 @@ from ..core.response import MeasuredResponse
 from ..core.storage import typed_json
 from ..core.storage.files import digest, load_json, write_json
 from ..sensing.built_cord import BuiltCord
+from .printed_pieces import PrintedPiece
 
 LAYOUT, PREDICTION, LAYOUTS = "layout.json", "prediction.json", "layouts.json"
 
@@ -289,6 +290,7 @@ class WeighedRecord:
         warnings: What is doubtful about the parts.
         problem: Why it cannot be made, if it cannot.
         chosen: Whether it was chosen.
+        pieces: The parts and pins of one device as they are printed; empty if not made.
     """
 
     designed: float
@@ -301,6 +303,7 @@ class WeighedRecord:
     warnings: tuple[str, ...]
     problem: str | None
     chosen: bool
+    pieces: tuple[PrintedPiece, ...] = ()
 
 
 @dataclass(frozen=True)

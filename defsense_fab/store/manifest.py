@@ -15,6 +15,9 @@ from ..core.errors import DefsenseError, StorageError
 from ..core.mesh import Surface
 from ..core.storage import typed_json
 from ..geometry.parts.records import Check
+from .casting import Casting as Casting
+from .casting import MouldPieceRecord as MouldPieceRecord
+from .casting import MouldRecord as MouldRecord
 from .layout import Prediction
 from .traces import TraceRecord as TraceRecord
 
@@ -247,11 +250,15 @@ class BillItem:
         item: What to buy.
         amount: How much of it.
         use: What it is for.
+        good: Key of `[prices]` that has its price; empty if none has.
+        quantity: How much of it in the unit of this price: kg, m, 100 cm^2 or pieces.
     """
 
     item: str
     amount: str
     use: str
+    good: str = ""
+    quantity: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -309,79 +316,6 @@ class TagSeat:
     x_axis: Float
     normal: Float
     tag: float
-
-
-@dataclass(frozen=True)
-class MouldPieceRecord:
-    """A printed piece of a mould.
-
-    Attributes:
-        name: Name.
-        stl: STL file in the frame of the device.
-        print: STL file as it lies on the bed.
-        opens: Direction (3,) in which it comes off.
-        volume: Volume, mm^3.
-    """
-
-    name: str
-    stl: str
-    print: str
-    opens: Float
-    volume: float
-
-
-@dataclass(frozen=True)
-class MouldRecord:
-    """The mould of a part.
-
-    Attributes:
-        part: Name of the part.
-        pieces: Pieces in the order in which they come off.
-        up: Direction (3,) that points up while the mould is filled.
-        pour: Where it is filled (3,), mm.
-        vents: Where air leaves (v, 3), mm.
-        cavity: Volume of the cavity, mm^3.
-        block: Volume of the whole block, mm^3.
-        strain: Strain of the part while it is taken out, relative to its thickness.
-        strained_at: Where this strain is (3,), mm.
-    """
-
-    part: str
-    pieces: tuple[MouldPieceRecord, ...]
-    up: Float
-    pour: Float
-    vents: Float
-    cavity: float
-    block: float
-    strain: float
-    strained_at: Float | None = None
-
-
-@dataclass(frozen=True)
-class Casting:
-    """The silicone for all moulds and copies.
-
-    Attributes:
-        silicone: Name of the silicone.
-        shrinkage: Linear shrinkage.
-        volume: Volume of all cavities, mm^3.
-        mixed: Volume to mix, mm^3.
-        mass_a: Mass of component A, g.
-        mass_b: Mass of component B, g.
-        pot_life: Time to pour it, minutes, if known.
-        cure: Time until it is taken out, hours, if known.
-        steps: The work as sentences, in order.
-    """
-
-    silicone: str
-    shrinkage: float
-    volume: float
-    mixed: float
-    mass_a: float
-    mass_b: float
-    pot_life: float | None
-    cure: float | None
-    steps: tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from ..store.layout import CordRecord, LayoutRecord, Prediction
 from ..store.manifest import FOLDER, Manifest
 from .arguments import number, of_kind, one_of, path
 from .device import table_html
+from .fabrication.effort import Effort, find_effort
 from .simulation import Picture, Simulation
 
 
@@ -170,6 +171,11 @@ class Parts:
     manifest: Manifest
     warnings: tuple[str, ...]
     results: Build
+
+    @property
+    def effort(self) -> Effort:
+        """What the device takes: printing time, mass, cord, time of assembly and cost."""
+        return find_effort(self.layout.simulation.device.record, self.manifest)
 
     def save(self, folder: str | Path) -> Path:
         """Write all files of the parts (STL, 3MF, manifest) into a new folder.

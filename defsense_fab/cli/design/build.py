@@ -50,10 +50,13 @@ def _stage_command(name: str, last_stage: str) -> Command:
             folder: Folder that contains device.toml; the current folder if omitted.
         """
         from ...core.device.device_file import load_device
+        from ...core.storage.typed_json import to_json
         from ...workflow.build.build import build as run_stages
         from ...workflow.build.build import summary
         from ...workflow.build.recorded_options import recorded_options
+        from ...workflow.build.results import has_parts
         from ...workflow.build.stages import STAGES, STAGES_WITHOUT_CORDS
+        from ...workflow.fabrication.effort import find_effort
 
         _refuse_unused(name, options)
         needs_cords = last_stage not in STAGES_WITHOUT_CORDS
@@ -66,6 +69,9 @@ def _stage_command(name: str, last_stage: str) -> Command:
         with standard_output():
             if output.json:
                 summarized = summary(result.folder)
+                if has_parts(result.results):
+                    effort = find_effort(device, result.results.manifest)
+                    summarized["effort"] = {**to_json(effort), "print_hours": effort.print_hours}
                 print_json({**summarized, "made": result.made, "reused": result.reused})
                 return
             _print_result(result, device)
@@ -76,7 +82,7 @@ def _stage_command(name: str, last_stage: str) -> Command:
                 print_lines(
                     [
                         f"note: the previous plates were made with {previous}, these with {values}."
-                        " Repeat the option, or set it under [fabrication] in device.toml."
+                        " Repeat the option, or set it in device.toml."
                     ]
                 )
 
@@ -113,10 +119,13 @@ def _print_result(result: BuildResult, device: Device) -> None:
     from ...workflow.board.wiring import plan_if_possible
     from ...workflow.build.load_cases import describe_states
     from ...workflow.build.results import describe_error, has_layout, has_parts, has_poses
+    from ...workflow.fabrication.effort import find_effort
 
     if not result.made:
         print_lines(["Everything is up to date."])
     results = result.results
+    if has_parts(results):
+        print_lines([f"{find_effort(device, results.manifest).describe()}."])
     mesh = results.mesh_record
     print_lines(_describe_mesh(mesh))
     if "body" in result.made:
@@ -137,6 +146,7 @@ def _print_result(result: BuildResult, device: Device) -> None:
         print_lines(f"note: {warning}" for warning in results.forces.warnings)
     if has_parts(results):
         _print_parts(results.manifest)
+        _print_offers(device, results.layout)
         print_lines(f"note: {note}" for note in plan_if_possible(device, results.manifest)[1])
 
 
@@ -273,6 +283,21 @@ def _describe_trials(layout: LayoutRecord, noun: str) -> list[str]:
             f"{t.built:.2f} mm{parts} {planes}{slanted}{' (chosen)' if t.chosen else ''}"
         )
     return [f"compared layouts, unseen states as built: {'; '.join(dict.fromkeys(results))}"]
+
+
+def _print_offers(device: Device, layout: LayoutRecord) -> None:
+    """Print the layouts to choose from, with their errors and the times to print them."""
+    from ...workflow.fabrication.offers import find_offers
+
+    offers = find_offers(device, layout)
+    if len(offers) > 1:
+        texts = (f"{o.describe()}{' (chosen)' if o.is_chosen else ''}" for o in offers)
+        print_lines(
+            [
+                f"layouts to choose from: {'; '.join(texts)}. --parts N takes another one"
+                " without a search."
+            ]
+        )
 
 
 def _print_parts(manifest: Manifest) -> None:

@@ -16,6 +16,7 @@ from ..curve import REST_FRAME, Hermite, Plane
 from ..response import MeasuredResponse, ResponseSpec
 from .filaments import TraceSpec
 from .pads import PadSpec
+from .prices import Prices
 from .regions import Shape
 
 BodyKind = Literal["script", "step", "mesh"]
@@ -287,14 +288,12 @@ class FabricationSpec:
         bed: Size of the print bed, mm.
         pockets: Whether joints of cord and wire get pockets in the body.
         limit_cuts: Whether a cut is limited to the area that its cords need.
-        strain_relief: Whether wires leave their pockets by a bend; None where that costs little
-            accuracy.
+        strain_relief: Whether wires leave by a bend; None where that costs little accuracy.
         wire_diameter: Diameter of the wires, mm.
         marker_seats: Number of flats for tags.
         marker_size: Size of the tags, mm.
         assembly: How cords are assembled, a name in `ASSEMBLIES`.
-        prestretch: Share of its length by which a held cord is stretched during assembly; None
-            for as much as it needs.
+        prestretch: Share by which a held cord is stretched in assembly; None: as much as it needs.
         kind: Kind of process, a name in `PROCESS_KINDS`.
         line: Width of the printer's lines, mm.
         layer: Height of the printer's layers, mm.
@@ -305,6 +304,7 @@ class FabricationSpec:
         shrinkage: Linear shrinkage of the cast material; None for that of the silicone's row.
         up: Unit direction that points up as a body with printed traces is printed.
         keep_whole: Names of regions that no joint and no channel may cross.
+        rate: Volume that the printer extrudes, mm^3/s; None if its time is not estimated.
     """
 
     process: str
@@ -330,6 +330,7 @@ class FabricationSpec:
     shrinkage: float | None = None
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
     keep_whole: tuple[str, ...] = ()
+    rate: float | None = None
 
 
 #: Freedoms of a cord's plane: position and direction, or position only.
@@ -413,6 +414,8 @@ class Device:
         searches: Largest number of searches; None for the number that the cords need.
         exits: Names of the regions in which wires leave the body; empty for anywhere.
         pad: Pads of printed traces; None for cords.
+        prices: Prices that the user gives.
+        parts: Number of parts of the layout to take; None for the fewest with a small error.
     """
 
     name: str
@@ -437,6 +440,8 @@ class Device:
     searches: int | None = None
     exits: tuple[str, ...] = ()
     pad: PadSpec | None = None
+    prices: Prices = field(default_factory=Prices)
+    parts: int | None = None
 
     @property
     def simulated_material(self) -> MaterialSpec:

@@ -32,6 +32,7 @@ from .material_table import MaterialTable
 from .materials import find_process_problem
 from .pads import PADS
 from .pose_tables import PoseTable, StatesTable, check_pose_names, repeated_states
+from .prices import PricesTable
 from .regions import HalfSpace, hull_points
 from .sensor_tables import SensorTable
 
@@ -76,6 +77,9 @@ class DeviceFile(Table, frozen=True, kw_only=True):
     )
     design: Annotated[DesignTable, key("What is found automatically.")] = msgspec.field(
         default_factory=DesignTable
+    )
+    prices: Annotated[PricesTable, key("What you pay, for the cost.")] = msgspec.field(
+        default_factory=PricesTable
     )
     sensors: Annotated[
         tuple[SensorTable, ...],
@@ -208,6 +212,8 @@ def read_device(
         searches=design.searches,
         exits=exits,
         pad=PADS[_pad_name(declared)] if declared.cord.is_printed else None,
+        prices=declared.prices.record(),
+        parts=design.parts,
     )
 
 
@@ -343,9 +349,10 @@ def _check_traces(declared: DeviceFile, trace: TraceSpec) -> Iterator[Problem]:
                 "trace-too-thin",
                 f"Use {_MIN_TRACE_BEADS * bead:g} mm or more, or less [fabrication] {beads[:-1]}",
             )
-    if declared.design.planes is not None:
-        text = "printed traces need no planes, as the body is not cut"
-        yield Problem(("design", "planes"), text, "key-not-applicable", "Remove it")
+    for name in ("planes", "parts"):
+        if getattr(declared.design, name) is not None:
+            text = f"printed traces need no {name}, as the body is not cut"
+            yield Problem(("design", name), text, "key-not-applicable", "Remove it")
     if declared.body.bay is not None:
         text = "wires reach printed traces at pads on the skin, so a bay is not used"
         yield Problem(("body", "bay"), text, "bay-with-traces", "Remove it")

@@ -365,12 +365,19 @@ class DesignTable(Table, frozen=True):
     prefer: Annotated[
         str,
         key(
-            "Which layout to take: `simple`, of those within 5 % of the best as built the one"
-            " without notes, with the fewest parts and planes parallel to flat faces; or"
-            " `accuracy`, the best that can be made.",
+            "Which layout to take: `simple`, of those within 25 % of the best as built the one"
+            " with the fewest parts; or `accuracy`, the best that can be made.",
             choices=PREFERENCES,
         ),
     ] = PREFERENCES[0]
+    parts: Annotated[
+        Count | None,
+        key(
+            "Number of parts of the layout to take, of those that the report offers; the cords are"
+            " not searched for again.",
+            default="as `prefer` states",
+        ),
+    ] = None
     seed: Annotated[Count, key("Seed of the random choices in the search for cords.")] = 1
     searches: Annotated[
         Count | None,

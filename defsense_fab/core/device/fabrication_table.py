@@ -51,6 +51,14 @@ class FabricationTable(Table, frozen=True):
     hole: Annotated[
         NonNegative | None, key("Smallest hole that stays open.", unit="mm", rows=_ROWS)
     ] = None
+    rate: Annotated[
+        Positive | None,
+        key(
+            "Volume that the printer extrudes per second: it gives the printing speed and time.",
+            unit="mm^3/s",
+            rows=_ROWS,
+        ),
+    ] = None
     bed: Annotated[
         tuple[BedSize, BedSize, BedSize] | None,
         key("Width, depth and height that your printer can make.", unit="mm", default="the row's"),
@@ -128,13 +136,12 @@ class FabricationTable(Table, frozen=True):
         if not any(self.up):
             yield Problem(("up",), "must not be zero", "zero-vector", "Give it a direction")
         if self.row["kind"] == "cast":
-            if self.limit_cuts:
-                yield Problem(
-                    ("limit_cuts",),
-                    "parts that wrap round the end of a cut cannot be cast",
-                    "key-not-applicable",
-                    "Remove it",
-                )
+            for name, text in (
+                ("limit_cuts", "parts that wrap round the end of a cut cannot be cast"),
+                ("rate", "the time to print moulds is not estimated"),
+            ):
+                if getattr(self, name):
+                    yield Problem((name,), text, "key-not-applicable", "Remove it")
             return
         for name in ("mould_wall", "shrinkage"):
             if getattr(self, name) is not None:
@@ -178,6 +185,7 @@ class FabricationTable(Table, frozen=True):
             shrinkage=self.shrinkage,
             up=_normalize(self.up),
             keep_whole=self.keep_whole,
+            rate=number("rate") if self.rate or row["rate"] else None,
         )
 
 

@@ -75,7 +75,8 @@ class Field:
         _, words = split_metadata(self.kind)
         if "rows" not in words:
             return None
-        numbers = [float(row[self.name]) for row in read_rows(words["rows"]).values()]
+        cells = (row[self.name] for row in read_rows(words["rows"]).values())
+        numbers = [float(cell) for cell in cells if cell]
         return min(numbers), max(numbers)
 
     @property

@@ -37,6 +37,8 @@ from .design_task import DesignTask
 from .predict import ScoredLayout, predict
 
 SIMILAR_ERROR_RATIO = 1.05  # to the best error, within which layouts count as equally accurate
+#: Ratio to the best error, within which a layout with fewer parts is preferred.
+FEWER_PARTS_ERROR_RATIO = 1.25
 
 
 class TriedLayout(Protocol):
@@ -69,24 +71,52 @@ def assembly_effort(one: TriedLayout) -> tuple[bool, int, int, int]:
     return bool(one.warnings), pieces, one.slanted, len(one.warnings)
 
 
-def prefer_layout(trials: Sequence[W], prefer: str) -> W | None:
+def prefer_layout(trials: Sequence[W], prefer: str, parts: int | None = None) -> W | None:
     """Choose among layouts that were made on trial.
 
     Args:
         trials: The layouts; those whose parts were not made are ignored.
-        prefer: `"accuracy"` for the smallest error as built, else the simplest of the layouts about
-            as good.
+        prefer: `"accuracy"` for the smallest error as built, else the fewest parts of the layouts
+            with an error within 25 % of the smallest, and of these the simplest about as good.
+        parts: Number of parts of the layout; None for any.
 
     Returns:
         The chosen layout, or None if no layout can be made.
     """
-    feasible = [t for t in trials if t.problem is None and t.parts is not None]
+    feasible = [t for t in _feasible(trials) if parts in (None, t.parts)]
     if not feasible:
         return None
     if prefer == "accuracy":
         return min(feasible, key=_built)
     best = min(_built(t) for t in feasible)
-    similar = [t for t in feasible if _built(t) <= SIMILAR_ERROR_RATIO * best]
+    good = [t for t in feasible if _built(t) <= FEWER_PARTS_ERROR_RATIO * best]
+    fewest = min(t.parts or 0 for t in good)
+    return _simplest([t for t in good if t.parts == fewest])
+
+
+def offered_layouts(trials: Sequence[W]) -> list[W]:
+    """Return the layouts to choose from: for each number of parts the simplest of the best.
+
+    Args:
+        trials: The layouts; those whose parts were not made are ignored.
+
+    Returns:
+        The layouts, the one with the fewest parts first.
+    """
+    feasible = _feasible(trials)
+    counts = sorted({t.parts or 0 for t in feasible})
+    return [_simplest([t for t in feasible if t.parts == count]) for count in counts]
+
+
+def _feasible(trials: Sequence[W]) -> list[W]:
+    """Return the layouts whose parts were made."""
+    return [t for t in trials if t.problem is None and t.parts is not None]
+
+
+def _simplest(trials: Sequence[W]) -> W:
+    """Return the simplest of the layouts that are about as good as the best of them."""
+    best = min(_built(t) for t in trials)
+    similar = [t for t in trials if _built(t) <= SIMILAR_ERROR_RATIO * best]
     return min(similar, key=lambda t: (*assembly_effort(t), _built(t)))
 
 
@@ -94,7 +124,7 @@ def _built(one: TriedLayout) -> float:
     return float("inf") if one.built is None else one.built
 
 
-_MAX_TRIAL_RATIO, _MAX_TRIALS = 1.15, 6  # of designed errors to the best one; of layouts on trial
+_MAX_TRIALS = 6  # layouts on trial before those with fewer planes
 _SAME_ERROR_RTOL = 1e-4  # by which the errors of equal layouts may differ
 
 
@@ -176,11 +206,12 @@ def choose_layout(
 ) -> tuple[Trial, tuple[Trial, ...]]:
     """Choose the layout to build.
 
-    Among the layouts that can be made and are about as accurate as the best, the simplest is
-    chosen, or the most accurate with `[design] prefer = "accuracy"`. Parts are made in the order of
-    the errors as built, until no other layout can be chosen. Clearly worse layouts are considered
-    only if none of these can be made. Layouts with fewer planes or fewer slanted ones are always
-    among the trials, to show what they cost.
+    Among the layouts that can be made and have an error within 25 % of the best one, one with the
+    fewest parts is chosen, or the most accurate with `[design] prefer = "accuracy"`. Parts are made
+    in the order of the errors as built, until no other layout can be chosen. Clearly worse layouts
+    are considered only if none of these can be made, or none has the number of `[design] parts`.
+    Layouts with fewer planes or fewer slanted ones are always among the trials, to show what they
+    cost; the parts of those with fewer planes are made, so that they can be taken.
 
     Args:
         device: The device.
@@ -196,7 +227,7 @@ def choose_layout(
     """
     expected = [(f, _score_design(task, f).prediction.unseen) for f in drop_duplicates(layouts)]
     ranked = sorted(expected, key=lambda e: (e[0].slivers, e[1]))
-    slivers, bound = ranked[0][0].slivers, _MAX_TRIAL_RATIO * ranked[0][1]
+    slivers, bound = ranked[0][0].slivers, FEWER_PARTS_ERROR_RATIO * ranked[0][1]
     candidates = [e for e in ranked if e[1] <= bound and e[0].slivers == slivers][:_MAX_TRIALS]
     directions = face_directions(surface)
 
@@ -214,19 +245,25 @@ def choose_layout(
     untried = ranked[len(candidates) :]
     cast = device.fabrication.kind == "cast"
     share = 0.7 if cast else 1.0
-    ratio = 1.0 if device.prefer == "accuracy" else SIMILAR_ERROR_RATIO
+    ratio = 1.0 if device.prefer == "accuracy" else FEWER_PARTS_ERROR_RATIO
+    parts = device.parts
     while True:
-        best = prefer_layout(trials, device.prefer)
+        best = prefer_layout(trials, device.prefer, parts)
         least = min((t.built for t in trials if t.parts is not None), default=float("inf"))
         unmade = [t for t in trials if t.problem is None and t.parts is None]
-        following = min(unmade, key=_built, default=None)
-        if following is not None and following.built <= ratio * least:
-            number = len(trials) - len(unmade) + 1
+        unmade = [t for t in unmade if not any(_surpasses(m, t) for m in _feasible(trials))]
+        following = min((t for t in unmade if t.built <= ratio * least), key=_built, default=None)
+        if following is None and best is not None:
+            following = _best_with_fewer_planes(trials)
+        if following is not None:
+            number = 1 + sum(t.parts is not None or t.problem is not None for t in trials)
             report(share * (number - 1) / len(trials), f"making layout {number} on trial")
             made_trial = make_on_trial(task, following, surface, bay)
             trials = [made_trial if t is following else t for t in trials]
         elif best is None and untried:
             trials.append(outline(*untried.pop(0)))
+        elif best is None and parts is not None:
+            parts = None  # no layout has so many
         elif best is not None and any(is_simpler(e[0]) for e in untried):
             simpler = next(k for k, e in enumerate(untried) if is_simpler(e[0]))
             trials.append(outline(*untried.pop(simpler)))
@@ -237,6 +274,22 @@ def choose_layout(
         else:
             failed = _fail(best, error)
             trials = [failed if t is best else t for t in trials]
+
+
+def _best_with_fewer_planes(trials: Sequence[Trial]) -> Trial | None:
+    """Return the best layout with fewer planes than all whose parts were made, to offer it, too."""
+    fewest = min(t.planes for t in _feasible(trials))
+    fewer = (t for t in trials if t.parts is None and not t.problem and t.planes < fewest)
+    return min(fewer, key=_built, default=None)
+
+
+def _surpasses(made: Trial, unmade: Trial) -> bool:
+    """Return whether a layout is clearly better than one that has at least as many parts.
+
+    Each plane cuts the body into at least one more part.
+    """
+    is_better = SIMILAR_ERROR_RATIO * made.built < unmade.built
+    return is_better and made.parts is not None and made.parts <= unmade.planes + 1
 
 
 def casting_error(device: Device, trial: Trial, report: Report) -> FabricationError | None:

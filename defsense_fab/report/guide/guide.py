@@ -61,6 +61,7 @@ class Guide:
         forces: A line on the force of each pose.
         accuracy: The expected error, with its grade and their scale.
         wiring: How the cords are connected; None if the board cannot read them.
+        effort: Table of what the device takes, with the basis of each figure.
     """
 
     device: str
@@ -76,6 +77,7 @@ class Guide:
     forces: tuple[str, ...] = ()
     accuracy: str = ""
     wiring: WiringSection | None = None
+    effort: GuideTable | None = None
 
     @property
     def title(self) -> str:

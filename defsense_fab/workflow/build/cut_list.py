@@ -20,6 +20,9 @@ from ...optimization.prediction.predict import ScoredLayout
 from ...sensing.built_cord import CordReading
 from ...sensing.voltage_divider import choose_reference
 from ...store.manifest import BillItem, CordEnd, CordStretch, CutCord, WireRecord
+from ..fabrication.effort import spare_length
+from ..fabrication.print_time import pin_volume
+from ..fabrication.printing import pin_name
 
 _WIRE_LENGTH_OUTSIDE_MM = 200.0
 _JOINT_OPENING_MM = 25.0  # for work while a cord passes through the joint
@@ -238,37 +241,45 @@ def bill(
     for_copies = f" for {copies} devices" if copies > 1 else ""
     wires = [e.wire for c in cords for e in c.ends]
     volume_cm3 = copies * sum(p.volume for p in part_set.parts) / 1000
+    mass_g = volume_cm3 * device.material.density
+    cord_mm = copies * sum(c.cut_length for c in cords)
+    spare_mm = copies * spare_length(cords)
+    wire_mm = copies * sum(w.length + _WIRE_LENGTH_OUTSIDE_MM for w in wires)
     rows = [
         BillItem(
             f"{device.material.name}, printed",
             f"{volume_cm3:.0f} cm3",
-            f"{copies * len(part_set.parts)} parts{for_copies}, about"
-            f" {volume_cm3 * device.material.density:.0f} g if printed solid, as the prediction"
-            " assumes",
+            f"{copies * len(part_set.parts)} parts{for_copies}, about {mass_g:.0f} g if printed"
+            " solid, as the prediction assumes",
+            "filament",
+            mass_g / 1000,
         ),
         BillItem(
             f"cord {device.cord.name}, {device.cord.diameter:g} mm",
-            f"{copies * sum(c.cut_length for c in cords):.0f} mm",
+            f"{cord_mm:.0f} mm",
             f"{copies * len(cords)} piece{'s' * (copies * len(cords) > 1)}{for_copies}, see the"
-            " cut list",
+            f" cut list; buy {spare_mm:.0f} mm more, to replace a piece whose crimp fails",
+            "cord",
+            (cord_mm + spare_mm) / 1000,
         ),
         BillItem(
             f"ferrule, {device.cord.ferrule_diameter:g} mm outside,"
             f" {device.cord.ferrule_length:g} mm long",
             str(2 * copies * len(cords)),
             "crimped onto cord and wire at both ends of every cord",
+            "ferrule",
+            2 * copies * len(cords),
         ),
         BillItem(
             f"stranded wire, {device.fabrication.wire_diameter:g} mm outside",
-            f"{copies * sum(w.length + _WIRE_LENGTH_OUTSIDE_MM for w in wires):.0f} mm",
+            f"{wire_mm:.0f} mm",
             f"{copies * len(wires)} pieces from the ferrules to the read-out, with"
             f" {_WIRE_LENGTH_OUTSIDE_MM:g} mm of each outside the body",
+            "wire",
+            wire_mm / 1000,
         ),
     ]
-    rows += [
-        BillItem(f"{name}, printed", str(copies * count), "loose pins between parts")
-        for name, count in pins.items()
-    ]
+    rows += [_pin_item(device, part_set, name, count) for name, count in pins.items()]
     for value in sorted({c.reference_resistor for c in cords}):
         names = [c.sensor for c in cords if c.reference_resistor == value]
         rows.append(
@@ -276,12 +287,25 @@ def bill(
                 f"resistor {value:g} ohm, 1 %",
                 str(copies * len(names)),
                 f"reference of the voltage divider of {', '.join(names)}",
+                "resistor",
+                copies * len(names),
             )
         )
     rows += _read_out(device, len(cords))
     if len(part_set.parts) > 1:
         rows.append(_glue(device, copies * sum(c.area for c in part_set.contacts)))
     return tuple(rows)
+
+
+def _pin_item(device: Device, part_set: PartSet, name: str, count: int) -> BillItem:
+    """Return the item of a kind of pin; those of moulds are of another material than the parts."""
+    f, use = device.fabrication, "loose pins between parts"
+    pins = [p for p in part_set.pins if pin_name(p) == name]
+    if f.kind == "cast" or not pins:
+        return BillItem(f"{name}, printed", str(f.copies * count), use)
+    volume_cm3 = f.copies * count * pin_volume(pins[0].diameter, pins[0].length) / 1000
+    mass_kg = volume_cm3 * device.material.density / 1000
+    return BillItem(f"{name}, printed", str(f.copies * count), use, "filament", mass_kg)
 
 
 def _trace_bill(
@@ -295,7 +319,13 @@ def _trace_bill(
     traces = copies * sum(t.volume for t in part_set.traces) / 1000
     mass = body * device.material.density
     return (
-        BillItem(f"{device.material.name}, extruder 1", f"{body:.0f} cm3", f"about {mass:.0f} g"),
+        BillItem(
+            f"{device.material.name}, extruder 1",
+            f"{body:.0f} cm3",
+            f"about {mass:.0f} g",
+            "filament",
+            mass / 1000,
+        ),
         BillItem(
             f"{spec.filament}, extruder 2",
             f"{traces:.1f} cm3",
@@ -311,6 +341,8 @@ def _trace_bill(
                 f"resistor {c.reference_resistor:g} ohm, 1 %",
                 str(copies),
                 f"reference of the voltage divider of {c.sensor}",
+                "resistor",
+                copies,
             )
             for c in cords
         ),
@@ -322,10 +354,12 @@ def _read_out(device: Device, cords: int) -> list[BillItem]:
     """Return the boards that read a number of cords, and the converters on modules."""
     board, copies = find_board(device.board), device.fabrication.copies
     use = f"reads the {device.cord.noun}s; the package has its program"
-    items = [BillItem(board.title, str(copies), use)]
+    items = [BillItem(board.title, str(copies), use, "board", copies)]
     if device.converter == ADS1115:
         modules = copies * ceil(cords / ADS1115_INPUTS)
-        items.append(BillItem("ADS1115 module", str(modules), "its converters"))
+        items.append(
+            BillItem("ADS1115 module", str(modules), "its converters", "converter", modules)
+        )
     return items
 
 
@@ -339,4 +373,4 @@ def _glue(device: Device, area_mm2: float) -> BillItem:
         )
     else:
         name, use = "flexible glue", f"one that stays as soft as {device.material.name}"
-    return BillItem(name, f"{area_mm2 / 100:.0f} cm2 of faces", use)
+    return BillItem(name, f"{area_mm2 / 100:.0f} cm2 of faces", use, "glue", area_mm2 / 1e4)

@@ -30,7 +30,7 @@ _FILE_TIME = (1980, 1, 1, 0, 0, 0)  # so that the same build gives the same byte
 def describe_changes(device: Device, folder: Path) -> str:
     """Return which options of the plates changed since a build, as a clause; empty if none did."""
     return ", ".join(
-        f"[fabrication] {key} is {_describe(new)} and was {_describe(old)} in that build"
+        f"{key} is {_describe(new)} and was {_describe(old)} in that build"
         for key, (old, new) in changed_options(device, folder).items()
     )
 

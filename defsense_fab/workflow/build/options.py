@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ...core.device.fabrication_limits import BedSize, Copies
+from ...core.schema.declare import Count
 from ...core.schema.options import check_options
 
 if TYPE_CHECKING:
     from ...core.device.device import Device
 
 #: Options that override the key of `[fabrication]` of the same name.
-OVERRIDES = ("copies", "bed")
+_OF_FABRICATION = ("copies", "bed")
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,8 @@ class BuildOptions:
         copies: Set the number of devices on the plates (default: [fabrication] copies).
         bed: Set the width, depth and height of the printer's bed in mm, such as 220,220,250
             (default: [fabrication] bed).
+        parts: Set the number of parts of the layout to build, of those that the report offers,
+            without searching again (default: [design] parts).
         scheduler: Solve the poses and search for cords on a Dask cluster with this scheduler
             address, such as tcp://HOST:8786 (default: on this machine).
         search: Search for the cords again where an earlier layout was kept or improved after an
@@ -31,6 +34,7 @@ class BuildOptions:
 
     copies: Copies | None = None
     bed: tuple[BedSize, BedSize, BedSize] | None = None
+    parts: Count | None = None
     scheduler: str | None = None
     search: bool = False
 
@@ -39,13 +43,22 @@ class BuildOptions:
 
     @property
     def overrides(self) -> dict[str, Any]:
-        """Values that replace those of `[fabrication]` in `device.toml`, by key."""
-        values = {name: getattr(self, name) for name in OVERRIDES}
+        """Values that replace those of the same key in `device.toml`."""
+        values = {name: getattr(self, name) for name in (*_OF_FABRICATION, "parts")}
         return {name: value for name, value in values.items() if value is not None}
 
     def apply(self, device: Device) -> Device:
         """Return the device with these options."""
-        return replace(device, fabrication=replace(device.fabrication, **self.overrides))
+        values = self.overrides
+        parts = values.pop("parts", device.parts)
+        return replace(device, fabrication=replace(device.fabrication, **values), parts=parts)
+
+    @staticmethod
+    def values_of(device: Device) -> dict[str, Any]:
+        """Return the values of a device that options can override, as JSON holds them."""
+        values = {name: getattr(device.fabrication, name) for name in _OF_FABRICATION}
+        values["parts"] = device.parts
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
 
     def __str__(self) -> str:
         """Return the overrides as arguments of the command `defsense build`; empty without any."""

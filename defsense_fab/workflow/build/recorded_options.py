@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ...core.device.device import Device, FabricationSpec
-from .options import OVERRIDES, BuildOptions
+from ...core.device.device import Device
+from .options import BuildOptions
 from .stage_files import load_state
 from .stages import PLATES
 
@@ -21,7 +21,8 @@ def plates_record(stage: str, device: Device, options: BuildOptions) -> dict[str
     """
     if stage != PLATES:
         return {}
-    return {"had": _plates(device.fabrication), "for": _plates(options.apply(device).fabrication)}
+    values = BuildOptions.values_of
+    return {"had": values(device), "for": values(options.apply(device))}
 
 
 def recorded_options(device: Device, folder: Path) -> BuildOptions:
@@ -30,7 +31,7 @@ def recorded_options(device: Device, folder: Path) -> BuildOptions:
     A value that was changed in `device.toml` since that build takes precedence over its option.
     """
     had, used = _recorded(folder)
-    now = _plates(device.fabrication)
+    now = BuildOptions.values_of(device)
     valid = {k: v for k, v in used.items() if had.get(k) == now.get(k) != v}
     overrides: dict[str, Any] = {
         k: tuple(v) if isinstance(v, list) else v for k, v in valid.items()
@@ -39,16 +40,10 @@ def recorded_options(device: Device, folder: Path) -> BuildOptions:
 
 
 def changed_options(device: Device, folder: Path) -> dict[str, tuple[Any, Any]]:
-    """Return the values of `[fabrication]` that changed since the build: (old, new) by key."""
+    """Return the values of options that changed since the build: (old, new) by key."""
     used = _recorded(folder)[1]
-    now = _plates(recorded_options(device, folder).apply(device).fabrication)
+    now = BuildOptions.values_of(recorded_options(device, folder).apply(device))
     return {k: (used[k], now[k]) for k in now if k in used and used[k] != now[k]}
-
-
-def _plates(f: FabricationSpec) -> dict[str, Any]:
-    """Return the values that options can override, as JSON holds them."""
-    values = {name: getattr(f, name) for name in OVERRIDES}
-    return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
 
 
 def _recorded(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -48,6 +48,7 @@ from ..fabrication.printing import (
     measure_piece_supports,
     on_plates,
     pin_kinds,
+    pin_name,
     print_advice,
     write_pins,
     write_plates,
@@ -386,7 +387,7 @@ def _assembly(parts: PartSet) -> tuple[JoinStep, ...]:
                 opens=cut.plane.normal,
                 pins=tuple(
                     JoinedPin(
-                        name=f"pin-{p.diameter:g}x{p.length:.1f}",
+                        name=pin_name(p),
                         center=p.center,
                         socket=p.socket,
                         depth=p.depth,

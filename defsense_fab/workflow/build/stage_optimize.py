@@ -49,9 +49,11 @@ from ...store.layout import (
     save_weighed,
 )
 from ..design.session_shares import session_shares
+from ..fabrication.print_time import pieces_of_parts
 from .continued_layout import EarlierLayout
 from .drawing_repair import describe_repairs, repair_drawing
 from .layout_searches import MapTasks, Search, SearchObserver, SearchRunner
+from .offered_layout import keep_search, take_offer
 from .pose_forces import pose_forces
 from .search_plan import default_searches, is_searched, search_alternatives, search_more
 from .stages import Report, Watch
@@ -113,8 +115,13 @@ def run(
         stored, show = [as_stored(c) for c in found], subrange(report, 0.8, 1.0)
         return choose_layout(device, task, stored, build.surface, build.body.bay, show)
 
-    how, trials = "", None
-    if earlier is not None:
+    how, trials, searched, index = "", None, None, 0
+    if earlier is not None and earlier.searched is not None:
+        searched = earlier.searched
+        task = task.with_decoder(earlier.decoder)
+        index, layout = take_offer(device, task, searched)
+        how, (chosen, trials) = searched.record.continued, choose(task, [layout])
+    elif earlier is not None:
         start = task.with_decoder(earlier.decoder)
         how, continued = _continue(device, start, earlier, subrange(report, 0.0, 0.8), observer)
         if continued is not None:
@@ -144,7 +151,14 @@ def run(
     if repairs and not device.propose:
         record = replace(record, drawn=_paths(drawn), repaired=tuple(repairs))
     warnings = (*record.warnings, *stiffness, *describe_repairs(device, repairs, how))
+    if device.parts not in (None, chosen.parts):
+        warnings += (
+            f"no layout with {device.parts} parts was reached. Remove [design] parts or"
+            " --parts, or increase [design] searches",
+        )
     build.layout = replace(record, continued=how, warnings=warnings)
+    if searched is not None:
+        build.layout = keep_search(build.layout, searched, index)
     build.prediction = PredictionRecord(
         task.points,
         task.names,
@@ -152,9 +166,8 @@ def run(
         chosen.scored.errors,
         chosen.scored.decoder.to_json(),
     )
-    build.weighed = WeighedCords(
-        tuple(tuple(CordPath.of(s) for s in t.layout.sensors) for t in trials)
-    )
+    paths = (tuple(CordPath.of(s) for s in t.layout.sensors) for t in trials)
+    build.weighed = WeighedCords(tuple(paths)) if searched is None else searched.paths
     save_layout(build.folder, build.layout, build.prediction)
     save_weighed(build.folder, build.weighed)
     if chosen.part_set is None or chosen.relief is None:
@@ -345,6 +358,7 @@ def _weighed_record(trial: Trial, chosen: bool) -> WeighedRecord:
         warnings=trial.warnings,
         problem=trial.problem,
         chosen=chosen,
+        pieces=() if trial.part_set is None else pieces_of_parts(trial.part_set),
     )
 
 

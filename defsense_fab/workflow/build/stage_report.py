@@ -25,7 +25,11 @@ from ...report.pictures.sheet import COLORS
 from ...report.surface_errors import SurfaceErrors, state_words, surface_errors
 from ...report.viewer.scene import scene, view3d
 from ...store.build import Build
+from ...store.layout import WeighedRecord
 from ..board.wiring import plan_if_possible, write_wiring_files
+from ..fabrication.effort import describe_hours, effort_table
+from ..fabrication.offers import find_offers
+from ..fabrication.print_time import print_hours
 from .stage_fabricate import COMPRESSION_RESPONSES
 from .stages import Report
 
@@ -57,8 +61,10 @@ def run(device: Device, build: Build, report: Report) -> None:
     notes = (*build.field_index.warnings, *build.forces.warnings, *wiring_notes)
     guide = assembly_guide(device, layout, manifest, build.parts, frame, notes, wiring)
     judged = describe_error(layout.band.trained.median, build.travel, build.size)
+    effort = effort_table(device, manifest)
     guide = replace(
         guide,
+        effort=effort,
         forces=tuple(p.describe() for p in build.forces.poses),
         accuracy=f"Expected error after training: {judged}. {SCALE}",
     )
@@ -77,6 +83,9 @@ def run(device: Device, build: Build, report: Report) -> None:
         notes=notes,
         forces=build.forces,
         manifest=manifest,
+        effort=effort,
+        offers=find_offers(device, layout),
+        hours=[_print_time(device, record) for record in layout.weighed],
         mesh=build.mesh_record,
         meaning=MEANING,
         judged={
@@ -91,6 +100,13 @@ def run(device: Device, build: Build, report: Report) -> None:
         colors=COLORS,
         size=np.abs(frame[[0, 2, 1]]) @ np.ptp(surface.bounds, axis=0),
     )
+
+
+def _print_time(device: Device, record: WeighedRecord) -> str:
+    """Return the time to print the parts of a compared layout; empty without an estimate."""
+    fabrication = device.fabrication
+    hours = print_hours(fabrication, record.pieces * fabrication.copies)
+    return describe_hours(hours) if record.pieces and hours is not None else ""
 
 
 def _state_rows(device: Device, build: Build) -> list[dict[str, Any]]:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ...store.build import Build
 
 #: Raised when a stage's results change for the same input, so that old results are not reused.
-CODE_VERSION = 51
+CODE_VERSION = 52
 #: The stage that places copies on plates, the only one that depends on `BuildOptions`.
 PLATES = "fabricate"
 
@@ -171,7 +171,7 @@ def _layout_inputs(f: FabricationSpec) -> FabricationSpec:
     chosen whose moulds cannot be opened.
     """
     constant = FabricationSpec(f.process, f.clearance, f.wall, f.lead, (0.0, 0.0, 0.0))
-    ignored = ["bed", "layer", "hole", "spacing", "copies"]
+    ignored = ["bed", "layer", "hole", "spacing", "copies", "rate"]
     if f.kind != "cast":
         ignored += ["kind", "line", "mould_wall", "shrinkage"]
     return replace(f, **{name: getattr(constant, name) for name in ignored})
@@ -239,7 +239,7 @@ STAGES = (
         "optimize",
         "optimize the layout",
         ("layout.json", "prediction.json", "layouts.json", FORCES, TRACED),
-        lambda d: (*layout_parts(d), plain(d.sensors)),
+        lambda d: (*layout_parts(d), plain(d.sensors), d.parts),
         ("daqp", "libigl"),  # NumPy and SciPy count by the key of the stage before
         _COARSER,
     ),
@@ -255,7 +255,7 @@ STAGES = (
         "report",
         "write the report and the guide",
         ("report.html", "guide.html", "guide.json", "templates.pdf", "wiring.svg", "wireviz.yml"),
-        lambda d: (d.name, d.board),
+        lambda d: plain((d.name, d.board, d.prices)),
         ("pyvista", "vtk", "matplotlib", "jinja2", "reportlab"),
         "close other programs",
     ),

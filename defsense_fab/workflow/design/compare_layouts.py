@@ -23,6 +23,7 @@ from ...optimization.prediction.predict import ScoredLayout, predict
 from ...optimization.search import baselines
 from ...store.build import Build
 from ...store.layout import BandRecord, CordPath, LayoutRecord, WeighedRecord
+from ...store.printed_pieces import PrintedPiece
 from .cord_trial import CordTrial, TrialBench
 from .session_shares import session_shares
 
@@ -50,6 +51,7 @@ class ComparedLayout:
             the limits between which 90 % of built devices lie, if computed.
         drawn_error: RMSE (mm) on unseen states as drawn, without the grooves of the parts; NaN if
             it is not known.
+        pieces: The parts and pins as they are printed; empty if they were not made.
     """
 
     name: str
@@ -63,6 +65,7 @@ class ComparedLayout:
     is_studied: bool = False
     trained: tuple[float, float, float] | None = None
     drawn_error: float = float("nan")
+    pieces: tuple[PrintedPiece, ...] = ()
 
     @property
     def planes(self) -> int:
@@ -118,6 +121,7 @@ def _compared(
         one.chosen,
         trained=trained,
         drawn_error=one.designed,
+        pieces=one.pieces,
     )
 
 
@@ -197,7 +201,7 @@ def tried_as(name: str, trial: CordTrial) -> ComparedLayout:
     layout = ComparedLayout(name, trial.sensors, error, trial.parts, drawn_error=trial.drawn_error)
     if trial.problem is not None:
         return replace(layout, problem=trial.problem.text)
-    layout = replace(layout, warnings=trial.warnings)
+    layout = replace(layout, warnings=trial.warnings, pieces=trial.pieces)
     if trial.band is None:
         return layout
     band = trial.band.low, trial.band.high

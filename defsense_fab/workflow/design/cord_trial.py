@@ -27,6 +27,8 @@ from ...optimization.refinement.refine import OptimizedLayout
 from ...optimization.search.plane_directions import face_directions
 from ...store.build import Build
 from ...store.layout import BandRecord, CordPath
+from ...store.printed_pieces import PrintedPiece
+from ..fabrication.print_time import pieces_of_parts
 from .session_shares import session_shares
 
 _TOLERANCE_MM = 1e-3  # by which a path may leave the body
@@ -63,6 +65,7 @@ class CordTrial:
         warnings: Notes about the parts.
         problem: Why they cannot be made; None if they can.
         band: Errors of built devices; None if they were not computed.
+        pieces: The parts and pins as they are printed; empty if they cannot be made.
     """
 
     sensors: tuple[Sensor, ...]
@@ -72,6 +75,7 @@ class CordTrial:
     warnings: tuple[str, ...] = ()
     problem: TrialProblem | None = None
     band: BandRecord | None = None
+    pieces: tuple[PrintedPiece, ...] = ()
 
 
 class TrialBench:
@@ -138,7 +142,14 @@ class TrialBench:
             if self._leave_body(cords):
                 made = replace(made, drawn_error=float("nan"))
             return replace(made, problem=_describe(failure, cords)), trial, task
-        made = replace(made, error=trial.built, parts=trial.parts, warnings=trial.warnings)
+        assert trial.part_set is not None
+        made = replace(
+            made,
+            error=trial.built,
+            parts=trial.parts,
+            warnings=trial.warnings,
+            pieces=pieces_of_parts(trial.part_set),
+        )
         return made, trial, task
 
     def _leave_body(self, sensors: Sequence[Sensor]) -> bool:

@@ -19,6 +19,7 @@ from ...report.pictures.sheet import COLORS
 from ...store.build import Build
 from ...store.layout import LayoutRecord
 from ...store.manifest import Manifest
+from .effort import effort_table
 
 #: Colors of the parts in the guide's pictures, as "#rrggbb", in the order of the parts.
 PART_COLORS: tuple[str, ...] = tuple(COLORS)
@@ -59,7 +60,7 @@ class AssemblyGuide:
         parts: Surfaces of the parts in the assembled device, by name.
         steps: Steps of the assembly, in order.
         shifts: Displacement (3,) mm of each part in the exploded view.
-        tables: What to print, to cut and to buy.
+        tables: What the device takes, and what to print, to cut and to buy.
         checks: Measurements of the parts with their limits.
         notes: Warnings of the parts and the layout, each once.
     """
@@ -91,7 +92,7 @@ def assembly_guide(device: Device, build: Build) -> AssemblyGuide:
         parts,
         guide_steps(device, manifest, parts),
         exploded_shifts(manifest, parts),
-        guide_tables(manifest),
+        (effort_table(device, manifest), *guide_tables(manifest)),
         guide_checks(manifest),
         _notes(manifest, layout),
     )

@@ -208,6 +208,8 @@ def bill_items(device: Device, moulds: Sequence[Mould], cast: Casting) -> list[B
             f"{cast.mixed / 1000:.0f} cm3",
             f"{len(moulds)} parts; {cast.mass_a:.0f} g of A and {cast.mass_b:.0f} g of B, 10 % more"
             " than the moulds hold",
+            "silicone",
+            (cast.mass_a + cast.mass_b) / 1000,
         ),
         BillItem(
             "rigid plastic for moulds, printed",

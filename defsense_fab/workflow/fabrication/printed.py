@@ -30,6 +30,7 @@ from ...geometry.printing.slicer_settings import (
 from ...optimization.prediction.predict import ScoredLayout
 from ...sensing.built_cord import CordReading
 from ...store.manifest import CutCord, Plate, TraceRecord
+from .print_time import describe_speed
 
 PRUSA_3MF, BAMBU_3MF, MATERIAL_3MF = "prusaslicer.3mf", "bambu-orca.3mf", "materials.3mf"
 SETTINGS = "two-extruders.ini"
@@ -179,8 +180,8 @@ def printing_advice(device: Device) -> list[str]:
         f" about {spec.across:g} times better than across it.",
         "Purge well after each change of filament, into a tower, not into the infill: a little"
         " conductive filament in the body may join two traces.",
-        "Dry both filaments. Print slowly (20 to 30 mm/s) with the same temperature for both if"
-        " they allow it, so that they weld.",
+        f"Dry both filaments. Print {describe_speed(f)}, with the same temperature for both if they"
+        " allow it, so that they weld.",
         f"Run 'defsense traces {device.name} FILE.gcode' before you print: it finds gaps, thin"
         " places and contacts between traces, and the resistance to expect.",
         f"Each trace ends in two pads of {pad.diameter:g} mm on the skin, for the {pad.name} that"

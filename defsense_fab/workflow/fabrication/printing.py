@@ -11,6 +11,7 @@ from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...geometry.kernels import triangle_kernel
+from ...geometry.parts.alignment_pins import Pin
 from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_3mf, write_stl
 from ...geometry.printing.overhangs import Overhang, measure_overhang
@@ -22,6 +23,7 @@ from ...geometry.printing.print_bed import (
     first_layer_area,
 )
 from ...store.manifest import PinRecord, Plate
+from .print_time import describe_speed
 
 #: Folder in parts/ of pieces in print orientation; parts/ itself has them in device coordinates.
 LYING = "print"
@@ -38,6 +40,11 @@ _MIN_MOULD_SHELL_MM = 1.2  # thinner shells leak
 _MAX_MOULD_LAYER_MM = 0.12  # silicone reproduces every layer
 
 
+def pin_name(pin: Pin) -> str:
+    """Return the name of a pin's kind, which states its diameter and length in mm."""
+    return f"pin-{pin.diameter:g}x{pin.length:.1f}"
+
+
 def pin_kinds(part_set: PartSet) -> dict[str, tuple[Surface, int, dict[str, float]]]:
     """Return every kind of loose pin.
 
@@ -49,7 +56,7 @@ def pin_kinds(part_set: PartSet) -> dict[str, tuple[Surface, int, dict[str, floa
     """
     kinds: dict[str, tuple[Surface, int, dict[str, float]]] = {}
     for pin in part_set.pins:
-        name = f"pin-{pin.diameter:g}x{pin.length:.1f}"
+        name = pin_name(pin)
         if name in kinds:
             surface, count, sizes = kinds[name]
             kinds[name] = (surface, count + 1, sizes)
@@ -256,8 +263,8 @@ def _advise_on_filament(device: Device, has_supports: bool) -> list[str]:
         if has_supports
         else "No part needs supports. Switch them off, also painted and automatic ones in grooves"
         " and sockets: their remains narrow the channels.",
-        "Dry the filament. Print slowly (20 to 30 mm/s), and avoid travel across grooves if the"
-        " slicer can: strings in a groove hold the cord.",
+        f"Dry the filament. Print {describe_speed(fabrication)}, and avoid travel across grooves if"
+        " the slicer can: strings in a groove hold the cord.",
     ]
     if "bowden" in fabrication.process:
         advice.append(

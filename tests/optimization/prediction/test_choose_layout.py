@@ -35,7 +35,7 @@ def choose(monkeypatch, bar):
     without a pocket) and the number of warnings, or the reason why the layout cannot be made.
     """
 
-    def run(layouts, outcomes, prefer="simple", kind="print", locks=()):
+    def run(layouts, outcomes, prefer="simple", kind="print", locks=(), parts=None):
         """Choose; cast layouts whose numbers of parts are in `locks` have no moulds."""
         tried = []
 
@@ -89,28 +89,44 @@ def choose(monkeypatch, bar):
             lambda task, one: SimpleNamespace(prediction=SimpleNamespace(unseen=one.rmse)),
         )
         fabrication = SimpleNamespace(pockets=True, kind=kind)
-        device = SimpleNamespace(prefer=prefer, fabrication=fabrication)
+        device = SimpleNamespace(prefer=prefer, fabrication=fabrication, parts=parts)
         return (*choose_layout(device, None, layouts, bar, None, lambda f, m: None), tried)
 
     return run
 
 
-def test_the_simplest_of_similar_layouts_is_chosen(straight, choose):
-    layouts = [layout(straight, 0.50, 3), layout(straight, 0.51, 3), layout(straight, 0.52, 2)]
-    chosen, trials, _ = choose(layouts, [(0.500, 5, 0), (0.502, 4, 0), (0.520, 3, 1)])
-    assert (chosen.built, chosen.parts) == (0.502, 4)  # three parts, but there is a warning
+def test_the_fewest_parts_within_25_per_cent_of_the_best_are_chosen(straight, choose):
+    layouts = [layout(straight, 0.50, 4), layout(straight, 0.55, 3), layout(straight, 0.60, 2)]
+    chosen, trials, _ = choose(layouts, [(0.500, 5, 0), (0.550, 4, 0), (0.620, 3, 1)])
+    assert (chosen.built, chosen.parts) == (0.620, 3)  # with a warning, but fewer parts
     assert [t.layout for t in trials] == layouts
-    chosen, _, _ = choose(layouts, [(0.500, 5, 0), (0.502, 4, 0), (0.520, 3, 0)])
-    assert chosen.parts == 3
-    chosen, trials, tried = choose(layouts, [(0.500, 5, 0), (0.502, 4, 0), (0.530, 3, 0)])
-    assert chosen.parts == 4  # the simplest one is six per cent worse
-    assert (trials[2].built, trials[2].parts, len(tried)) == (0.53, None, 2)
+    chosen, trials, tried = choose(layouts, [(0.500, 5, 0), (0.550, 4, 0), (0.630, 3, 0)])
+    assert chosen.parts == 4  # three parts are 26 per cent worse
+    assert (trials[2].built, trials[2].parts, len(tried)) == (0.63, 3, 3)
 
 
-def test_an_end_without_a_pocket_counts_as_a_part(straight, choose):
-    layouts = [layout(straight, 0.50, 3), layout(straight, 0.51, 3)]
-    chosen, _, _ = choose(layouts, [(0.500, (4, 2), 0), (0.510, (5, 0), 0)])
-    assert (chosen.parts, chosen.free_ends) == (5, 0)
+def test_the_simplest_of_as_few_parts_is_chosen_if_it_is_about_as_good(straight, choose):
+    layouts = [layout(straight, e, 3) for e in (0.50, 0.51, 0.52)]
+    chosen, _, _ = choose(layouts, [(0.500, 4, 1), (0.502, 5, 0), (0.520, 4, 0)])
+    assert (chosen.built, chosen.parts) == (0.520, 4)
+    chosen, _, _ = choose(layouts, [(0.500, 4, 1), (0.502, 5, 0), (0.530, 4, 0)])
+    assert (chosen.built, chosen.parts) == (0.500, 4)  # the other is six per cent worse
+    chosen, _, _ = choose(layouts, [(0.500, (4, 2), 0), (0.510, (4, 0), 0), (0.52, 5, 0)])
+    assert (chosen.parts, chosen.free_ends) == (4, 0)
+
+
+def test_layouts_that_cannot_be_chosen_are_not_made(straight, choose):
+    layouts = [layout(straight, 0.50, 2), layout(straight, 0.55, 3), layout(straight, 0.51, 3)]
+    _, _, tried = choose(layouts, [(0.50, 3, 0), (0.55, 4, 0), (0.51, 4, 0)])
+    assert tried == [(0.50, 3, 0), (0.51, 4, 0)]  # 0.55 mm in more parts than 0.50 mm
+
+
+def test_a_number_of_parts_is_taken_if_a_layout_has_it(straight, choose):
+    layouts = [layout(straight, 0.50, 4), layout(straight, 0.55, 3), layout(straight, 0.90, 2)]
+    outcomes = [(0.500, 5, 0), (0.550, 4, 0), (0.900, 3, 0)]
+    assert choose(layouts, outcomes)[0].parts == 4
+    assert choose(layouts, outcomes, parts=5)[0].parts == 5
+    assert choose(layouts, outcomes, parts=7)[0].parts == 4
 
 
 def test_accuracy_is_judged_as_built(straight, choose):
@@ -148,7 +164,7 @@ def test_layouts_with_fewer_planes_are_always_listed(straight, choose):
     layouts = [layout(straight, 0.5, 3), layout(straight, 1.5, 1), layout(straight, 2.5, 4)]
     chosen, trials, _ = choose(layouts, [(0.5, 4, 0), (1.5, 2, 0), (2.5, 9, 0)])
     assert chosen.built == 0.5
-    assert [(t.planes, t.built, t.parts) for t in trials] == [(3, 0.5, 4), (1, 1.5, None)]
+    assert [(t.planes, t.built, t.parts) for t in trials] == [(3, 0.5, 4), (1, 1.5, 2)]
     layouts = [layout(straight, 0.5, 1), layout(straight, 0.52, 3), layout(straight, 1.5, 2)]
     _, trials, _ = choose(layouts, ["in pieces", (0.52, 4, 0), (1.5, 3, 0)])
     assert [(t.planes, t.problem) for t in trials] == [(1, "in pieces"), (3, None), (2, None)]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from defsense_fab.core.errors import StorageError
-from defsense_fab.optimization.prediction.choose_layout import prefer_layout
+from defsense_fab.optimization.prediction.choose_layout import offered_layouts, prefer_layout
 from defsense_fab.store.build import Build
 from defsense_fab.store.layout import (
     CordPath,
@@ -35,14 +35,23 @@ TRIALS = (
     trial(None, None, problem="too short"),
     trial(0.52, 4, chosen=True),
     trial(0.51, 4, warnings=("glue",)),
-    trial(0.60, 2),
+    trial(0.70, 2),
 )
 
 
-def test_the_simplest_similar_layout_or_the_best_is_preferred():
+def test_the_fewest_parts_of_similar_layouts_or_the_best_are_preferred():
     assert prefer_layout(TRIALS, "simple") is TRIALS[2]
     assert prefer_layout(TRIALS, "accuracy") is TRIALS[0]
     assert prefer_layout(TRIALS[1:2], "simple") is None
+    better = replace(TRIALS[4], built=0.62)
+    assert prefer_layout((*TRIALS[:4], better), "simple") is better
+    assert prefer_layout(TRIALS, "simple", parts=5) is TRIALS[0]
+    assert prefer_layout(TRIALS, "simple", parts=3) is None
+
+
+def test_one_layout_is_offered_for_each_number_of_parts():
+    assert offered_layouts(TRIALS) == [TRIALS[4], TRIALS[2], TRIALS[0]]
+    assert offered_layouts(TRIALS[1:2]) == []
 
 
 @pytest.fixture
@@ -64,7 +73,7 @@ def test_all_tried_layouts_are_returned_in_order(built):
         "candidate 4",
         "candidate 5",
     ]
-    assert [layout.error for layout in layouts] == [0.50, 0.4, 0.52, 0.51, 0.60]
+    assert [layout.error for layout in layouts] == [0.50, 0.4, 0.52, 0.51, 0.70]
     assert layouts[1].problem == "too short"
     assert [layout.is_built for layout in layouts] == [False, False, True, False, False]
     band = load_layout(built).band

@@ -14,7 +14,8 @@ from defsense_fab.workflow.fabrication.assembly_guide import assembly_guide
 @pytest.fixture
 def build(monkeypatch):
     """Return a build with warnings, whose guide has no steps and tables."""
-    for name in ("guide_steps", "exploded_shifts", "guide_tables", "guide_checks"):
+    functions = ("guide_steps", "exploded_shifts", "guide_tables", "guide_checks", "effort_table")
+    for name in functions:
         monkeypatch.setattr(module, name, lambda *_: ())
     layout = SimpleNamespace(
         warnings=("a is silent", "try more cords", "thin"),

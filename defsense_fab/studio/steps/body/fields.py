@@ -39,7 +39,7 @@ _TRACE = (
 )
 _PARTS = (
     *("pockets", "limit_cuts", "strain_relief", "prestretch", "lead", "wire_diameter", "line"),
-    *("layer", "hole", "copies", "marker_seats", "marker_size"),
+    *("layer", "rate", "hole", "copies", "marker_seats", "marker_size"),
 )
 _MOULDS = ("mould_wall", "shrinkage")
 #: Fields whose name alone is not clear on a page.
@@ -85,7 +85,7 @@ def device_fields(device: Device, document: Mapping[str, Any]) -> list[messages.
         (
             "Design",
             _keys("design", ("sensors", "decoder", "searches")),
-            _keys("design", ("prefer", "planes", "seed")),
+            _keys("design", ("prefer", "parts", "planes", "seed")),
         ),
         ("Fabrication", _keys("fabrication", ("wall", "clearance", "assembly")),
          _keys("fabrication", parts)),
@@ -165,7 +165,7 @@ def _declared(key: str) -> Field:
     table, _, name = key.partition(".")
     known = {
         "mesh": ("edge_length", "accuracy", "time_limit"),
-        "design": ("sensors", "decoder", "searches", "prefer", "planes", "seed"),
+        "design": ("sensors", "decoder", "searches", "prefer", "parts", "planes", "seed"),
         "fabrication": ("wall", "clearance", "assembly", *_PARTS, *_MOULDS),
         "readout": ("board", "converter"),
         "material": _MATERIAL,

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 from ....core.device.device import Device, Sensor
 from ....core.errors import DefsenseError
-from ....workflow.build.results import Build
 from ....workflow.design.compare_layouts import DRAWN, STRAIGHT, ComparedLayout, tried_as
 from ....workflow.design.cord_trial import CordTrial
 from ....workflow.design.layout_judge import LayoutJudge
@@ -31,13 +30,11 @@ class RowContext:
     Attributes:
         device: The device.
         judge: Measures cords; None until the poses are simulated.
-        volume: Volume of the body, mm^3; None if there is no body.
         trial: The drawn cords with their parts on trial; None if these are not made.
     """
 
     device: Device
     judge: LayoutJudge | None
-    volume: float | None
     trial: CordTrial | None = None
 
 
@@ -149,9 +146,8 @@ def is_complete(layouts: Sequence[ComparedLayout]) -> bool:
 
 def _row(context: RowContext, layout: ComparedLayout, is_drawn: bool) -> LayoutRow:
     trained = layout.trained or (math.nan, math.nan, math.nan)
-    role, hours = _role(layout), None
-    if layout.parts is not None and context.volume is not None:
-        hours = print_hours(context.device.fabrication, context.volume, layout.parts)
+    role, fabrication = _role(layout), context.device.fabrication
+    pieces = layout.pieces * fabrication.copies
     return LayoutRow(
         name=layout.name,
         role=role,
@@ -162,7 +158,7 @@ def _row(context: RowContext, layout: ComparedLayout, is_drawn: bool) -> LayoutR
         trained_low=_finite(trained[1]),
         trained_high=_finite(trained[2]),
         parts=layout.parts,
-        print_hours=hours,
+        print_hours=print_hours(fabrication, pieces) if pieces else None,
         length=None if role == "earlier" else _length(context.judge, layout.sensors),
         planes=layout.planes,
         cords=ghost_cords(layout.sensors),
@@ -195,11 +191,3 @@ def _length(judge: LayoutJudge | None, sensors: Sequence[Sensor]) -> float | Non
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def body_volume(build: Build) -> float | None:
-    """Return the volume of a build's body, mm^3; None without one."""
-    try:
-        return float(build.surface.volume)
-    except (DefsenseError, OSError):
-        return None

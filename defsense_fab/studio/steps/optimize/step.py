@@ -31,7 +31,6 @@ from .ghost_cords import are_same
 from .layout_rows import (
     RowContext,
     best_layout,
-    body_volume,
     earlier_layouts,
     is_complete,
     layout_rows,
@@ -210,7 +209,7 @@ class OptimizeStep(Step):
     def _publish_layouts(self, _: None) -> None:
         session = self.session
         trial = self._check.result(session.device.sensors)
-        context = RowContext(session.device, session.judge, body_volume(session.results), trial)
+        context = RowContext(session.device, session.judge, trial)
         with self._lock:
             self.layouts = without_outdated(self.layouts, session.device.sensors)
             layouts = list(self.layouts)

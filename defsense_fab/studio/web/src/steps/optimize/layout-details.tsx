@@ -2,7 +2,7 @@ import type { LayoutRow } from "../../protocol/messages";
 import { inPageWords } from "../../state/page-words";
 import { Button } from "../../ui/button";
 import { Icon } from "../../ui/icons";
-import { applyLayout, inParts, layoutLabel, mm, useHint } from "./state";
+import { applyLayout, inParts, layoutLabel, mm, printTime, useHint } from "./state";
 import { mainVariant } from "../../state/step";
 
 const unit = (value: number | null): string => (value === null ? "not computed" : `${mm(value)} mm`);
@@ -16,7 +16,7 @@ export function LayoutDetails({ row }: { row: LayoutRow }) {
     ["Expected error, in the parts", inParts(row)],
     ["Error in use", trained === null ? "not computed" : `${mm(trained)} mm${range}`],
     ["Parts", row.parts === null ? "not computed" : String(row.parts)],
-    ["Print time", printHours === null ? "no estimate" : `about ${printHours.toFixed(0)} h`],
+    ["Print time", printHours === null ? "no estimate" : `about ${printTime(printHours)}`],
     ["Cords", `${row.cords.length}, ${length === null ? "–" : length.toFixed(0)} mm in all`],
     ["Planes", String(row.planes)],
   ];

@@ -12,6 +12,7 @@ import {
   layoutLabel,
   layoutName,
   mm,
+  printTime,
   rows,
   useHint,
 } from "./state";
@@ -26,7 +27,7 @@ export function LayoutTable() {
         { title: "Error without cuts", cell: ({ drawnError }) => mm(drawnError), isNumber: true },
         { title: "Error in parts", cell: inParts, isNumber: true },
         { title: "Parts", cell: parts, isNumber: true },
-        { title: "Print time", cell: ({ printHours }) => unit(printHours, 0, "h"), isNumber: true },
+        { title: "Print time", cell: time, isNumber: true },
         { title: "Error in use (90 %)", cell: trained, isNumber: true },
         { title: "Cord", cell: ({ length }) => unit(length && length / 10, 0, "cm"), isNumber: true },
         { title: "Use", cell: use },
@@ -64,6 +65,10 @@ function trained({ trained: middle, trainedLow: low, trainedHigh: high }: Layout
       {mm(middle)} <span class="range-text">({mm(low)}–{mm(high)})</span>
     </>
   );
+}
+
+function time({ printHours }: LayoutRow): string {
+  return printHours === null ? "–" : printTime(printHours);
 }
 
 function unit(value: number | null, digits: number, name: string): string {

@@ -105,6 +105,12 @@ export async function compareLayouts(): Promise<void> {
 
 export const mm = (value: number | null): string => (value === null ? "–" : value.toFixed(2));
 
+/** A printing time as report and guide state it, as in "35 min", "2.3 h" and "18 h". */
+export function printTime(hours: number): string {
+  if (hours < 1) return `${(60 * hours).toFixed(0)} min`;
+  return `${hours.toFixed(hours < 10 ? 1 : 0).replace(".0", "")} h`;
+}
+
 /** The expected error of a layout in its parts, if they were made on trial. */
 export function inParts({ error, parts, problem }: LayoutRow): string {
   if (problem || parts === null) return "–";
