@@ -27,7 +27,7 @@ MADE = {  # what is there once a command has been typed
     MODEL: ("train", "--device", DEVICE),
 }
 SIZE = {"width": 1100, "height": 640}
-COLORS = 96
+COLORS = 256
 PORT = 8123
 WAIT, SETTLED = 300_000, 12_000  # ms
 
@@ -55,7 +55,10 @@ def page_of(folder, *words):
 def save(page, name):
     """Save a screenshot as a PNG with few colors."""
     image = Image.open(BytesIO(page.screenshot(timeout=WAIT))).convert("RGB")
-    image.quantize(COLORS, dither=Image.Dither.NONE).save(HERE / f"{name}.png", optimize=True)
+    method = Image.Quantize.MAXCOVERAGE
+    image.quantize(COLORS, method, dither=Image.Dither.NONE).save(
+        HERE / f"{name}.png", optimize=True
+    )
 
 
 def open_joints(page):
@@ -63,12 +66,12 @@ def open_joints(page):
     page.locator("[data-open]").first.evaluate(
         "it => { it.value = it.max; it.dispatchEvent(new Event('input')); }"
     )
+    page.locator("[data-ready]").first.evaluate("view => view.scrollIntoView()")
     page.wait_for_timeout(SETTLED)
 
 
 def report(page, folder):
-    """Take the top of the report, down to the view of body and cords."""
-    page.set_viewport_size(SIZE | {"height": 1000})
+    """Take the view of body and cords in the report."""
     page.goto((folder / DEVICE / "build/report.html").absolute().as_uri())
     page.locator("[data-ready]").first.wait_for(timeout=WAIT)
     open_joints(page)

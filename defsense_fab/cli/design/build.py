@@ -74,7 +74,7 @@ def _stage_command(name: str, last_stage: str) -> Command:
                     summarized["effort"] = {**to_json(effort), "print_hours": effort.print_hours}
                 print_json({**summarized, "made": result.made, "reused": result.reused})
                 return
-            _print_result(result, device)
+            _print_result(result, options.apply(device))
             _print_next_step(name, last_stage, result.folder, folder, options)
             is_other = "fabricate" in result.made and str(options) != str(previous)
             if is_other and previous.overrides:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from typing import Literal
 
@@ -61,10 +62,21 @@ def _list(
         if output.json:
             print_json(rows[name] if name else rows)
         elif name:
-            print_lines(f"{key}: {value}" for key, value in rows[name].items() if value)
+            print_lines(_describe_row(rows[name], catalogue))
         else:
             _print_table(kind, catalogue)
-            print_lines([f"All numbers and the source of one: defsense list {kind} NAME"])
+            print_lines([f"All numbers of one, and their source: defsense list {kind} NAME"])
+
+
+def _describe_row(row: Mapping[str, str], catalogue: Catalogue) -> Iterator[str]:
+    """Yield a line for each number of a row, the key numbers with their units first."""
+    for column in catalogue.columns:
+        if row[column.name]:
+            yield f"{column.label}: {row[column.name]} {column.unit}".rstrip()
+    shown = {column.name for column in catalogue.columns}
+    for key, value in row.items():
+        if value and key not in shown:
+            yield f"{key}: {value}"
 
 
 def _print_table(kind: str, catalogue: Catalogue) -> None:

@@ -185,8 +185,17 @@ class FabricationTable(Table, frozen=True):
             shrinkage=self.shrinkage,
             up=_normalize(self.up),
             keep_whole=self.keep_whole,
-            rate=number("rate") if self.rate or row["rate"] else None,
+            rate=self._rate(),
         )
+
+    def _rate(self) -> float | None:
+        """Return the extruded volume per second: the row's speed with other lines or layers."""
+        row = self.row
+        if self.rate is not None or not row["rate"]:
+            return self.rate
+        line, layer = float(row["line"]), float(row["layer"])
+        size = (self.line or line) * (self.layer or layer)
+        return float(row["rate"]) * size / (line * layer)
 
 
 def _normalize(vector: Vector) -> Vector:

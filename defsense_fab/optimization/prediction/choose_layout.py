@@ -94,18 +94,19 @@ def prefer_layout(trials: Sequence[W], prefer: str, parts: int | None = None) ->
     return _simplest([t for t in good if t.parts == fewest])
 
 
-def offered_layouts(trials: Sequence[W]) -> list[W]:
-    """Return the layouts to choose from: for each number of parts the simplest of the best.
+def offered_layouts(trials: Sequence[W], prefer: str) -> list[W]:
+    """Return the layouts to choose from: for each number of parts the preferred one.
 
     Args:
         trials: The layouts; those whose parts were not made are ignored.
+        prefer: As for `prefer_layout`.
 
     Returns:
         The layouts, the one with the fewest parts first.
     """
-    feasible = _feasible(trials)
-    counts = sorted({t.parts or 0 for t in feasible})
-    return [_simplest([t for t in feasible if t.parts == count]) for count in counts]
+    counts = sorted({t.parts or 0 for t in _feasible(trials)})
+    offers = (prefer_layout(trials, prefer, count) for count in counts)
+    return [offer for offer in offers if offer is not None]
 
 
 def _feasible(trials: Sequence[W]) -> list[W]:
@@ -248,13 +249,17 @@ def choose_layout(
     ratio = 1.0 if device.prefer == "accuracy" else FEWER_PARTS_ERROR_RATIO
     parts = device.parts
     while True:
-        best = prefer_layout(trials, device.prefer, parts)
+        best = prefer_layout(trials, device.prefer, device.parts)
+        if best is None and parts is None:
+            best = prefer_layout(trials, device.prefer)
         least = min((t.built for t in trials if t.parts is not None), default=float("inf"))
         unmade = [t for t in trials if t.problem is None and t.parts is None]
         unmade = [t for t in unmade if not any(_surpasses(m, t) for m in _feasible(trials))]
         following = min((t for t in unmade if t.built <= ratio * least), key=_built, default=None)
         if following is None and best is not None:
             following = _best_with_fewer_planes(trials)
+        elif following is None and parts is not None:
+            following = _best_with_parts(trials, parts)
         if following is not None:
             number = 1 + sum(t.parts is not None or t.problem is not None for t in trials)
             report(share * (number - 1) / len(trials), f"making layout {number} on trial")
@@ -281,6 +286,15 @@ def _best_with_fewer_planes(trials: Sequence[Trial]) -> Trial | None:
     fewest = min(t.planes for t in _feasible(trials))
     fewer = (t for t in trials if t.parts is None and not t.problem and t.planes < fewest)
     return min(fewer, key=_built, default=None)
+
+
+def _best_with_parts(trials: Sequence[Trial], parts: int) -> Trial | None:
+    """Return the best layout that was not made and may have so many parts.
+
+    Each plane cuts the body into at least one more part.
+    """
+    unmade = (t for t in trials if t.parts is None and not t.problem)
+    return min((t for t in unmade if t.planes < parts), key=_built, default=None)
 
 
 def _surpasses(made: Trial, unmade: Trial) -> bool:

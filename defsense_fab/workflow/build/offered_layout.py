@@ -33,7 +33,7 @@ def take_offer(
     taken = prefer_layout(tried, device.prefer, device.parts)
     index = next((k for k, record in enumerate(tried) if record is taken), None)
     if index is None:
-        offers = [(t.parts, t.built) for t in offered_layouts(tried)]
+        offers = [(t.parts, t.built) for t in offered_layouts(tried, device.prefer)]
         texts = (f"{parts} ({error:.2f} mm)" for parts, error in offers)
         raise LayoutError(
             f"no layout with {device.parts} parts is offered",

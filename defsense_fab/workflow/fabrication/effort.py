@@ -46,13 +46,16 @@ class AssemblyTime:
 
     Attributes:
         minutes: Time in which somebody works, min.
-        cures: Number of times that glue or silicone has to cure before the work continues.
+        cures: Number of times that glue has to cure before the work continues.
         cure_hours: Time of these cures one after another, h.
+        casting_hours: Time in which the silicone of all parts cures, h; 0 if it is not cast, or
+            the time is not known.
     """
 
     minutes: float
     cures: int
     cure_hours: float
+    casting_hours: float
 
 
 @dataclass(frozen=True)
@@ -117,10 +120,12 @@ class Effort:
         if self.cord:
             items.append(f"{self.cord:.0f} mm of cord and {self.spare:.0f} mm spare")
         if self.joints:
-            items.append(f"{describe_count(self.joints, 'joint')} to glue")
+            items.append(f"{describe_count(self.copies * self.joints, 'joint')} to glue")
         items.append(f"{describe_hours(time.minutes / 60)} of assembly")
         if time.cures:
             items.append(f"{describe_count(time.cures, 'wait')} of {_each(time)} for glue")
+        if time.casting_hours:
+            items.append(f"{describe_hours(time.casting_hours)} in which silicone cures")
         if self.cost is not None:
             items.append(f"{self.cost.amount:.2f} {self.cost.currency}")
         return ", ".join(items)
@@ -133,7 +138,7 @@ def describe_count(count: int, noun: str) -> str:
 
 def describe_hours(hours: float) -> str:
     """Return a time as an estimate is stated, as in "35 min", "2.3 h" and "18 h"."""
-    if hours < 1:
+    if 60 * hours < 59.5:
         return f"{60 * hours:.0f} min"
     digits = 1 if hours < _MIN_WHOLE_HOURS else 0
     return f"{hours:.{digits}f}".removesuffix(".0") + " h"
@@ -148,7 +153,11 @@ def effort_table(device: Device, manifest: Manifest) -> GuideTable:
         (
             "assembly",
             describe_hours(time.minutes / 60),
-            (f"{describe_count(effort.joints, 'joint')} to glue; " if effort.joints else "")
+            (
+                f"{describe_count(effort.copies * effort.joints, 'joint')} to glue; "
+                if effort.joints
+                else ""
+            )
             + f"the time of each action is assumed (data/{_TIMES})",
         )
     )
@@ -161,6 +170,9 @@ def effort_table(device: Device, manifest: Manifest) -> GuideTable:
                 " its package has the time",
             )
         )
+    if time.casting_hours:
+        cure = "the cure of the silicone, one device after another in the same moulds"
+        rows.append(("casting", describe_hours(time.casting_hours), cure))
     return GuideTable("What it takes", ("item", "about", "basis"), (*rows, _cost_row(effort)))
 
 
@@ -213,7 +225,6 @@ def find_effort(device: Device, manifest: Manifest) -> Effort:
     """
     copies, bill = manifest.copies, manifest.bill
     has_cords = not manifest.traces
-    one = assembly_time(manifest)
     return Effort(
         copies=copies,
         parts=len(manifest.parts),
@@ -224,7 +235,7 @@ def find_effort(device: Device, manifest: Manifest) -> Effort:
         mass=1000 * sum(b.quantity for b in bill if b.good in ("filament", "silicone")),
         cord=copies * sum(c.cut_length for c in manifest.cords) if has_cords else 0.0,
         spare=copies * spare_length(manifest.cords) if has_cords else 0.0,
-        assembly=AssemblyTime(one.minutes, one.cures, one.cure_hours),
+        assembly=assembly_time(manifest),
         cost=find_cost(device.prices, bill),
     )
 
@@ -269,7 +280,7 @@ def assembly_time(manifest: Manifest) -> AssemblyTime:
     """Return the time to assemble all copies, by the actions of the guide.
 
     Plates and their pieces are those of all copies; everything else is done for each copy. Glue of
-    all copies cures at the same time.
+    all copies cures at the same time; they are cast in the same moulds, one after another.
     """
     times = read_rows(_TIMES).values()
     minutes, cures, cure_hours = 0.0, 0, 0.0
@@ -283,9 +294,9 @@ def assembly_time(manifest: Manifest) -> AssemblyTime:
             if row["wait_hours"]:
                 cures += 1
                 cure_hours += float(row["wait_hours"])
-    if manifest.casting is not None and manifest.casting.cure is not None:
-        cures, cure_hours = cures + 1, cure_hours + manifest.casting.cure
-    return AssemblyTime(minutes, cures, cure_hours)
+    casting = manifest.casting
+    casting_hours = manifest.copies * (casting.cure or 0.0) if casting else 0.0
+    return AssemblyTime(minutes, cures, cure_hours, casting_hours)
 
 
 def _counts(action: Action, manifest: Manifest) -> Mapping[str, float]:

@@ -53,5 +53,5 @@ def find_offers(device: Device, layout: LayoutRecord) -> tuple[Offer, ...]:
             else None,
             is_chosen=record.chosen,
         )
-        for record in offered_layouts(layout.weighed)
+        for record in offered_layouts(layout.weighed, device.prefer)
     )

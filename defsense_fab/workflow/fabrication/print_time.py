@@ -44,11 +44,11 @@ def print_hours(fabrication: FabricationSpec, pieces: Iterable[PrintedPiece]) ->
 
 
 def describe_speed(fabrication: FabricationSpec) -> str:
-    """Return the advised speed of the nozzle, as in "slowly, at about 25 mm/s (2 mm3/s)"."""
+    """Return the advised speed of the nozzle, as in "at about 25 mm/s (2 mm3/s)"."""
     if fabrication.rate is None:
         return "slowly"
     speed = fabrication.rate / (fabrication.line * fabrication.layer)
-    return f"slowly, at about {speed:.0f} mm/s ({fabrication.rate:g} mm3/s)"
+    return f"at about {speed:.0f} mm/s ({fabrication.rate:.2g} mm3/s)"
 
 
 def pieces_of_parts(parts: PartSet) -> tuple[PrintedPiece, ...]:

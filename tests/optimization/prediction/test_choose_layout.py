@@ -105,6 +105,14 @@ def test_the_fewest_parts_within_25_per_cent_of_the_best_are_chosen(straight, ch
     assert (trials[2].built, trials[2].parts, len(tried)) == (0.63, 3, 3)
 
 
+def test_a_requested_number_of_parts_is_made_though_it_is_much_worse(straight, choose):
+    layouts = [layout(straight, 0.50, 4), layout(straight, 0.55, 3), layout(straight, 0.90, 2)]
+    outcomes = [(0.500, 5, 0), (0.550, 4, 0), (0.900, 3, 0)]
+    for parts in (3, 4, 5):
+        assert choose(layouts, outcomes, parts=parts)[0].parts == parts
+    assert choose(layouts, outcomes, parts=2)[0].parts == 4  # as without a number
+
+
 def test_the_simplest_of_as_few_parts_is_chosen_if_it_is_about_as_good(straight, choose):
     layouts = [layout(straight, e, 3) for e in (0.50, 0.51, 0.52)]
     chosen, _, _ = choose(layouts, [(0.500, 4, 1), (0.502, 5, 0), (0.520, 4, 0)])

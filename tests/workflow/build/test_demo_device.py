@@ -19,6 +19,7 @@ DEMO = re.search(r"defsense build fixtures/devices/(\S+)", (ROOT / "Makefile").r
     1
 ]
 MAX_FORCE_N, MAX_TORQUE_NM = 5.0, 0.3  # that a hand exerts easily
+MAX_PUSH_N = 6.0  # that device.toml states
 MAX_ERROR_SHARE = 0.03  # of the largest movement
 
 
@@ -72,6 +73,7 @@ def test_a_hand_can_reach_every_pose(device, built, movements):
         (handle,) = pose.handles
         assert 2 * whole / np.linalg.norm(handle.rotation) / 1000 < MAX_TORQUE_NM
         assert 2 * whole / movements[pose.name] < MAX_FORCE_N
+    assert max(pose.push for pose in built.forces.poses) < MAX_PUSH_N
 
 
 def test_predicted_error_is_small_beside_the_movement(built, movements):

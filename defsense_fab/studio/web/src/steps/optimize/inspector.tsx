@@ -66,20 +66,20 @@ function Standing() {
       </p>
       {isSearching.value ? <SearchNumbers /> : <Numbers state={state} />}
       {state.standing === "optimized" && <MoreAccurate />}
-      {!isSearching.value && <HardlySensed />}
+      {!isSearching.value && <PoorlySensed />}
       <Actions />
     </div>
   );
 }
 
-/** The pose that the drawn cords hardly sense, and what may help. */
-function HardlySensed() {
+/** The pose that the drawn cords sense poorly, and what may help. */
+function PoorlySensed() {
   const worst = worstPose(prediction.value?.drawn?.poses ?? []);
   const propose = findCommand("sensor.propose");
   if (!worst || !propose || sensingOf(worst) === "sensed") return null;
   const noun = device.value?.noun ?? "cord";
   return (
-    <div class="hardly-sensed">
+    <div class="poorly-sensed">
       <p>
         <span class="problem-text">{describeWorst(worst)}.</span> Another {noun} may help.
       </p>

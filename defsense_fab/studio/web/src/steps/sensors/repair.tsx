@@ -30,7 +30,7 @@ export async function repairCords(cords: string[]): Promise<void> {
   if (!result) return;
   const moved = `${result.cords.join(", ")} moved by up to ${result.largestMove.toFixed(1)} mm.`;
   const rest = result.remaining.length ? ` Still broken: ${result.remaining.join("; ")}.` : "";
-  const more = result.isComplete ? "" : " The time was over before all were tried: repair again to go on.";
+  const more = result.isComplete ? "" : " Not all were tried in 30 s: repair again to continue.";
   showToast(moved + rest + more, {
     label: "Undo",
     run: () => void run(connection.send("undo", {})),
