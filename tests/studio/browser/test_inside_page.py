@@ -99,7 +99,7 @@ def test_the_best_cord_of_the_plane_is_added(page, folder):
     add = page.get_by_role("button", name="Add the best")
     expect(add).not_to_have_attribute("aria-disabled", "true")
     add.click()
-    expect(page.get_by_text(re.compile("^Added cord"))).to_be_visible()
+    expect(page.get_by_text(re.compile("^Added [A-Z]"))).to_be_visible()
     assert len(load_device(folder).sensors) == len(names) + 1
     page.get_by_role("button", name="Undo", exact=True).first.click()
     assert until(lambda: [sensor.name for sensor in load_device(folder).sensors] == names)
