@@ -14,7 +14,7 @@ class MouldPieceRecord:
     Attributes:
         name: Name.
         stl: STL file in the frame of the device.
-        print: STL file as it lies on the bed.
+        print: STL file in print orientation.
         opens: Direction (3,) in which it comes off.
         volume: Volume, mm^3.
     """

@@ -78,7 +78,7 @@ class PartRecord:
         name: Name, which starts with the number.
         number: Number engraved on the part.
         stl: STL file of the part as assembled.
-        print: STL file of the part as it lies on the bed.
+        print: STL file of the part in print orientation.
         step: STEP file, for CAD bodies.
         volume: Volume, mm^3.
         bbox: Lowest and highest corner (2, 3) as assembled, mm.

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from pathlib import Path
-from string import ascii_uppercase
 from typing import Any, Literal
 
 import numpy as np
@@ -366,19 +364,6 @@ class Sensor:
         if (free and self.curve.is_planar) or not free.isdisjoint(PLANE_FREEDOMS):
             free = frozenset({"path", "ends"})
         return replace(self, plane=REST_FRAME, curve=Hermite(points, tangents), free=free)
-
-
-def new_sensor_names(taken: Iterable[str]) -> Iterator[str]:
-    """Yield names for new sensors: A to Z, then AA, AB and so on.
-
-    They say nothing of the place, which a search changes.
-
-    Args:
-        taken: Names of other sensors, which are not used again, in upper or lower case.
-    """
-    names = {name.upper() for name in taken}
-    pairs = (a + b for a in ascii_uppercase for b in ascii_uppercase)
-    return (name for name in chain(ascii_uppercase, pairs) if name not in names)
 
 
 #: Kinds of maps from readings to positions; see `decoding/decoders.py`.

@@ -1,8 +1,10 @@
-"""The tables `[[sensors]]` of `device.toml`: cords and traces that are drawn."""
+"""The tables `[[sensors]]` of `device.toml`: cords and traces that are drawn, and their names."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from string import ascii_uppercase
 from typing import Annotated, Any
 
 import numpy as np
@@ -129,3 +131,16 @@ class SensorTable(Table, frozen=True):
         curve = Hermite(np.array(self.control_points, float), self._tangents)
         plane = REST_FRAME if self.plane is None else self.plane.record()
         return Sensor(self.name, plane, curve, frozenset(self.free))
+
+
+def new_sensor_names(taken: Iterable[str]) -> Iterator[str]:
+    """Yield names for new sensors: A to Z, then AA, AB and so on.
+
+    They say nothing of the place, which a search changes.
+
+    Args:
+        taken: Names of other sensors, which are not used again, in upper or lower case.
+    """
+    names = {name.upper() for name in taken}
+    pairs = (a + b for a in ascii_uppercase for b in ascii_uppercase)
+    return (name for name in chain(ascii_uppercase, pairs) if name not in names)

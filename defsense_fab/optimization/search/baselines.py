@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.curve import Plane
-from ...core.device.device import new_sensor_names
+from ...core.device.sensor_tables import new_sensor_names
 from ...core.mesh import Surface
 from ..limits.polyline_distance import path_gaps
 from ..problem.problem import Problem, green_strains, sample_interior

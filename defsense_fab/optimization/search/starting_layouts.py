@@ -11,7 +11,8 @@ import numpy as np
 
 from ...core.arrays import Bool, Float, Int
 from ...core.curve import distinct_planes
-from ...core.device.device import Sensor, new_sensor_names
+from ...core.device.device import Sensor
+from ...core.device.sensor_tables import new_sensor_names
 from ...core.errors import LayoutError
 from ...core.progress import Report
 from ..limits.polyline_distance import path_gaps

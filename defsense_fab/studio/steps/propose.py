@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
-from ...core.device.device import new_sensor_names
+from ...core.device.sensor_tables import new_sensor_names
 from ...core.errors import DefsenseError
 from ...workflow.view import Client, Request
 from ..background.background_job import CANCELLED

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...core.curve import Hermite, catmull_rom, is_smooth
-from ...core.device.device import Sensor, new_sensor_names
+from ...core.device.device import Sensor
+from ...core.device.sensor_tables import new_sensor_names
 from ...core.errors import DefsenseError, DeviceError, LayoutError
 from ...workflow.build.results import has_parts
 from ...workflow.design.body_fit import check_cords

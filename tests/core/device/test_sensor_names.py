@@ -2,7 +2,7 @@
 
 from itertools import islice
 
-from defsense_fab.core.device.device import new_sensor_names
+from defsense_fab.core.device.sensor_tables import new_sensor_names
 
 
 def test_names_are_letters_that_no_other_sensor_has():

@@ -10,15 +10,11 @@ import pytest
 
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import DefsenseError, DeviceError
-from defsense_fab.store.build import Build
-from defsense_fab.store.forces import ForcesRecord, HeldRecord, PoseForces, save_forces
 from defsense_fab.studio.messages import pose_edits, poses
 from defsense_fab.studio.project.agreement import Agreement
 from defsense_fab.studio.project.project import Project
 from defsense_fab.studio.session.device_session import DeviceSession
 from defsense_fab.studio.steps.poses.poses_step import PosesStep
-from defsense_fab.studio.steps.poses.simulated_states import simulated_states
-from defsense_fab.workflow.build.results import last_build
 from tests.support.errors import raises
 
 TIMEOUT_S = 300.0
@@ -407,15 +403,6 @@ def test_simulated_states_are_listed_and_shown(bench):
     assert 0 < np.abs(half).max() < np.abs(full).max()
     with raises(DefsenseError, "unknown-state"):
         bench.ask(poses.StateShape, state="../../etc/passwd")
-
-
-def test_a_pose_that_is_too_hard_has_a_warning(bench, tmp_path):
-    shutil.copytree(last_build(bench.device).folder / "fields", tmp_path / "fields")
-    held = HeldRecord("tip", 230.0, np.zeros(3), np.array([2800.0, 0, 0]))
-    save_forces(tmp_path, ForcesRecord((PoseForces("twist", "twist@1", 1.0, (held,)),)))
-    (forces,) = simulated_states(Build(tmp_path), bench.device, is_current=True).forces
-    assert (forces.effort, forces.held[0].torque) == ("hand", 2.8)
-    assert "2.8 N m" in forces.warning
 
 
 def test_numbers_that_are_not_finite_are_refused(bench):

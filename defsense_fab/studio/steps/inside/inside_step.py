@@ -6,7 +6,7 @@ import threading
 from collections.abc import Mapping
 from typing import Any
 
-from ....core.device.device import new_sensor_names
+from ....core.device.sensor_tables import new_sensor_names
 from ....core.errors import DefsenseError, LayoutError
 from ....workflow.design.next_cord import best_sensor
 from ....workflow.view import Arrays, Client, Request
