@@ -12,7 +12,7 @@ WRONG_WORDS = [
     ("--versoin", "unknown-option", ("--version",)),
     ("build x --bde 1", "unknown-option", ("--bed",)),
     ("build x --no-json", "unknown-option", ("--json",)),
-    ("build --copies 2", "argument-missing", ("FOLDER",)),
+    ("new --cord rubber-2mm", "argument-missing", ("FOLDER",)),
     ("modes x", "argument-missing", ("--fixed",)),
     ("build x --copies", "argument-missing", ("--copies",)),
     ("build x --bed 220 220", "argument-missing", ("--bed", "3", "2")),
