@@ -27,8 +27,13 @@ def subrange(report: Report, low: float, high: float) -> Report:
 
 
 def describe_duration(seconds: float) -> str:
-    """Return a duration for people, as in "40 s" or "12 min"."""
-    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
+    """Return a duration for people, as in "40 s", "12 min", "2.3 h" and "18 h"."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    minutes, hours = seconds / 60, seconds / 3600
+    if minutes < 59.5:
+        return f"{minutes:.0f} min"
+    return f"{hours:.{0 if hours >= 9.95 else 1}f}".removesuffix(".0") + " h"
 
 
 @dataclass(frozen=True)

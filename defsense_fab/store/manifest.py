@@ -281,6 +281,21 @@ class JoinedPin:
 
 
 @dataclass(frozen=True)
+class GluelessSpot:
+    """A spot of a joint that must have no glue: a channel is open, or almost open, to its face.
+
+    Attributes:
+        cord: Name of the cord in the channel.
+        at: Point (3,) of the channel that is nearest to the face, mm.
+        length: Length of the spot along the channel, mm.
+    """
+
+    cord: str
+    at: Float
+    length: float
+
+
+@dataclass(frozen=True)
 class JoinStep:
     """A step of the assembly, which joins two groups of parts.
 
@@ -290,6 +305,7 @@ class JoinStep:
         wires: Cords whose wires are inserted in this joint.
         opens: Direction (3,) in which the joint opens.
         pins: Pins of the joint.
+        glueless: Spots of its faces that must have no glue.
     """
 
     join: tuple[tuple[str, ...], tuple[str, ...]]
@@ -297,6 +313,7 @@ class JoinStep:
     wires: tuple[str, ...]
     opens: Float
     pins: tuple[JoinedPin, ...]
+    glueless: tuple[GluelessSpot, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -184,6 +184,7 @@ def make_parts(
         rules=rules,
         bare=division.leaves,
         carved=division.parts,
+        openings=tuple(openings),
     )
     pieces = [triangle_kernel.cut_out(p, part_set.tools(i)) for i, p in enumerate(division.parts)]
     parts = [_make_part(i, names[i], p, contacts, division.leaves[i]) for i, p in enumerate(pieces)]
@@ -192,7 +193,7 @@ def make_parts(
     report(0.4, "checking")
     checks = check_parts(part_set, pieces, surface, rules)
     part_set = replace(part_set, checks=(*wall_checks, *checks))
-    part_set = part_set.with_warnings(_warnings(part_set, openings, rules))
+    part_set = part_set.with_warnings(_warnings(part_set, rules))
     if solid is None:
         return part_set
     report(0.6, "cutting the solid")
@@ -281,9 +282,7 @@ def _make_part(i: int, name: str, piece: Any, contacts: Sequence[Contact], bare:
     return Part(name, surface, surface.volume, surface.centroid, down)
 
 
-def _warnings(
-    part_set: PartSet, openings: Sequence[ChannelOpening], rules: PartRules
-) -> dict[str, Float | None]:
+def _warnings(part_set: PartSet, rules: PartRules) -> dict[str, Float | None]:
     """Return what a maker should know of the parts, with the points (3,) mm concerned."""
     out = {check.note: check.point for check in part_set.checks if check.note}
     if len(part_set.seats) < rules.seats:
@@ -301,7 +300,7 @@ def _warnings(
             for channel, end, which in ends
             if end.wire != "bay"
         }
-    for opening in openings:
+    for opening in part_set.openings:
         joint = _cut_name(part_set.cuts[opening.cut], part_set.channels)
         what = "opens into" if opening.wall <= 0 else f"leaves {opening.wall:.1f} mm of wall to"
         out[

@@ -14,6 +14,7 @@ from ..channels.channel_ends import Pockets
 from ..channels.cord_channels import Channel
 from ..kernels.cutting_tools import Tool
 from .alignment_pins import Pin
+from .channel_openings import ChannelOpening
 from .division import Cut
 from .engraving import Label, Seat
 from .part_contacts import Contact
@@ -163,6 +164,7 @@ class PartSet:
         carved: The parts without sockets and numbers, from which exact solids are checked.
         rules: Rules that the parts were made by.
         traces: Conductive traces that are printed in the only part, if any.
+        openings: Stretches of channels that are open, or almost open, to faces of other cuts.
     """
 
     parts: tuple[Part, ...]
@@ -180,6 +182,7 @@ class PartSet:
     bare: tuple[Any, ...] = ()
     carved: tuple[Any, ...] = ()
     traces: tuple[Part, ...] = ()
+    openings: tuple[ChannelOpening, ...] = ()
 
     def cut_faces(self, index: int) -> list[Float]:
         """Return the outward normals (3,) of the faces in which a part meets others, largest

@@ -18,6 +18,7 @@ from ..pictures.part_pictures import exploded
 from ..wiring.connections import Wiring
 from ..wiring.drawing import draw_wiring
 from .actions import Action, ActionKind
+from .instructions import label_parts
 from .joint_pictures import JointPictures
 from .pad_drawing import draw_pad
 from .steps import GuideStep, Passage, assembly_order, exploded_shifts, guide_steps
@@ -113,7 +114,7 @@ def assembly_guide(
     faces = [
         face_template(
             step.joint,
-            f"Step {number}: the face of {' + '.join(step.joint.lower)}",
+            f"Step {number}: the face of {label_parts(step.joint.lower)}",
             device,
             layout,
             manifest,

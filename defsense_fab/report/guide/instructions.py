@@ -13,6 +13,8 @@ from typing import Any
 import jinja2
 
 from ...core.device.device import Device
+from ...core.device.glues import find_glue
+from ...core.progress import describe_duration
 from ...geometry.channels import cord_assembly
 from ...store.manifest import END_NAMES, CutCord, JoinStep, Manifest
 from ..html import environment
@@ -67,6 +69,7 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
             "joint": joint,
             "sides": describe_sides(joint),
             "lower_parts": context.lower_parts[action.joint],
+            "glue": find_glue(context.device),
             "pins_by_pair": _pins_by_pair(joint, manifest),
             "wet_until": None if last is None else context.step_numbers[last],
         }
@@ -101,6 +104,9 @@ def _template() -> jinja2.Template:
         "ohm": format_resistance,
         "names": join_names,
         "label": cord_label,
+        "parts": label_parts,
+        "part": part_label,
+        "hours": lambda hours: describe_duration(3600 * hours),
     }
     functions = (joints_that_stretch, late_end, pulled_reach, pulled_strain, sliding_end)
     constants = {"END_NAMES": END_NAMES, "INSTALLED_TOLERANCE": INSTALLED_TOLERANCE}
@@ -151,9 +157,20 @@ def cord_label(cord: str) -> str:
     return cord if cord.lower().startswith("cord") else f"cord {cord}"
 
 
+def part_label(part: str) -> str:
+    """Return "1 (second from left)" for the part `1-second-from-left`."""
+    number, _, place = part.partition("-")
+    return f"{number} ({place.replace('-', ' ')})" if number.isdigit() and place else part
+
+
+def label_parts(parts: Sequence[str]) -> str:
+    """Return "part 1 (left)", or "parts 1 (left) + 2 (right)" for parts that are joined."""
+    return f"part{'s' * (len(parts) > 1)} " + " + ".join(part_label(p) for p in parts)
+
+
 def describe_sides(joint: JoinStep) -> str:
-    """Describe the parts on both sides of a joint, as in "a + b and c"."""
-    return " + ".join(joint.join[0]) + " and " + " + ".join(joint.join[1])
+    """Describe the parts on both sides of a joint, as in "part 1 (left) and part 2 (right)"."""
+    return f"{label_parts(joint.join[0])} and {label_parts(joint.join[1])}"
 
 
 def pin_letters(joint: JoinStep) -> tuple[str, ...]:

@@ -18,13 +18,15 @@ from ..pictures.sheet import COLORS
 from ..pictures.views import View
 from .actions import Action, ActionKind
 from .drawing import Drawing
-from .instructions import cord_label, pulled_reach, pulled_strain
+from .instructions import cord_label, part_label, pulled_reach, pulled_strain
 from .steps import GuideStep, Illustration, Joint, Passage
 from .templates import CordLine, cord_line
 
-_CORD_COLOR, _WIRE_COLOR, _FERRULE_COLOR = "#161616", "#c1121f", "#c9a227"
+_CORD_COLOR, _WIRE_COLOR, _FERRULE_COLOR = "#161616", "#7b2cbf", "#c9a227"
 _THICK_PIN_COLOR, _MIDDLE_PIN_COLOR, _THIN_PIN_COLOR = "#e76f51", "#f4d35e", "#3a86ff"
-_GLUE_COLOR, _ARROW_COLOR = "#2a9d3a", "#f77f00"
+_GLUE_COLOR, _GLUELESS_COLOR, _ARROW_COLOR = "#2a9d3a", "#e00000", "#f77f00"
+_GLUELESS_MARGIN_MM = 1.5  # next to a groove that must stay free of glue
+_RED_LINE_RADIUS_MM = 0.35
 _LOOSE_LENGTH_MM = 24.0  # of cords and wires that hang out of the parts
 _END_VIEW_RADIUS_MM = 55.0  # around a pulled end
 _MAX_UPWARD_SHARE = 0.8  # of an end's direction, above which it is drawn as upright
@@ -65,7 +67,7 @@ class JointPictures:
         drawing = Drawing(self._face_view(joint, 0.7))
         self._add_parts(drawing, joint.lower)
         for name in joint.lower:
-            drawing.label(name, name)
+            drawing.label(name, part_label(name))
         kinds = {p.name: p for p in self.manifest.pins}
         colors = self._pin_colors(joint)
         for letter, pin in zip(joint.letters, joint.pins, strict=True):
@@ -102,10 +104,8 @@ class JointPictures:
 
     def _draw_closing(self, joint: Joint) -> str:
         """Draw the upper parts above the lower ones, with arrows along which they close."""
-        long, short = _long_and_short_axis(
-            self._vertices((*joint.lower, *joint.upper)), joint.opens
-        )
-        view = views.looking(0.62 * -short + 0.5 * joint.opens + 0.15 * long, joint.opens)
+        short = np.cross(joint.opens, joint.across)
+        view = views.looking(0.62 * -short + 0.5 * joint.opens + 0.15 * joint.across, joint.opens)
         drawing = Drawing(view)
         self._add_parts(drawing, joint.lower)
         self._add_parts(drawing, joint.upper, joint.lift * joint.opens)
@@ -119,9 +119,10 @@ class JointPictures:
                     drawing.legend["cord"] = _CORD_COLOR
         for wire in joint.wires:
             self._add_wire(drawing, wire)
+        self._mark_glueless(drawing, joint)
         self._add_passing_cords(drawing, joint, has_labels=False)
         for name in (*joint.lower, *joint.upper):
-            drawing.label(name, name)
+            drawing.label(name, part_label(name))
         self._add_closing_arrows(drawing, joint, view)
         return drawing.png()
 
@@ -155,7 +156,7 @@ class JointPictures:
 
     def _face_view(self, joint: Joint, tilt: float) -> View:
         """Return a view of the lower parts' face, its longest side across, tilted from upright."""
-        _, short = _long_and_short_axis(self._vertices(joint.lower), joint.opens)
+        short = np.cross(joint.opens, joint.across)
         return views.looking(joint.opens - tilt * short, short + joint.opens * 0.01)
 
     def _cord(self, name: str | None) -> CutCord:
@@ -277,6 +278,24 @@ class JointPictures:
         text = f"stretch {cord_label(cord.sensor)} by {action.amount:.1f} mm"
         drawing.label(base + 12.0 * out, text)
 
+    def _mark_glueless(self, drawing: Drawing, joint: Joint) -> None:
+        """Mark in red where glue must stay away: along grooves of held cords, and at open walls."""
+        offset = self.device.channel_diameter / 2 + _GLUELESS_MARGIN_MM
+        for cord in self.manifest.cords if self.manifest.assembly_of_cords == "held" else ():
+            for stretch in cord.stretches:
+                if stretch.joint != joint.index:
+                    continue
+                points = self._line(cord).along(stretch.start, stretch.stop)
+                along = np.gradient(points, axis=0)
+                sideways = np.cross(along, joint.opens)
+                sideways *= offset / np.linalg.norm(sideways, axis=1, keepdims=True)
+                for line in (points + sideways, points - sideways):
+                    drawing.rod(line, _RED_LINE_RADIUS_MM, _GLUELESS_COLOR)
+                drawing.legend["no glue between these lines"] = _GLUELESS_COLOR
+        for spot in self.manifest.assembly[joint.index].glueless:
+            drawing.ball(spot.at, offset, _GLUELESS_COLOR)
+            drawing.label(spot.at, f"no glue within {spot.length / 2:.0f} mm")
+
     def _mark_glue(self, drawing: Drawing, cord: CutCord, end: int, joint: Joint) -> None:
         """Add a drop of glue at an end of a cord."""
         middle = cord.ends[end].at - 2.5 * self._line(cord).way_out(end) + 0.8 * joint.opens
@@ -306,17 +325,6 @@ class JointPictures:
             start = points[k] + sign * 6.0 * view.right
             start = start + (height - start @ joint.opens) * joint.opens
             drawing.arrow(start, start - 0.8 * joint.lift * joint.opens, _ARROW_COLOR)
-
-
-def _long_and_short_axis(points: Float, normal: Float) -> tuple[Float, Float]:
-    """Return the longest and the shortest direction (3,) of points across a normal.
-
-    The long axis, the short axis and the normal are right-handed.
-    """
-    flat = points - points @ normal[:, None] * normal
-    long = np.linalg.svd(flat - flat.mean(0), full_matrices=False)[2][0]
-    long = long if long @ [1.0, 0.3, 0.2] > 0 else -long
-    return long, np.cross(normal, long)
 
 
 def _view_from_aside(out: Float) -> View:

@@ -13,6 +13,7 @@ from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.errors import FabricationError
 from ...core.mesh import Surface
+from ...core.storage.files import digest
 from ...store.manifest import JoinedPin, JoinStep, Manifest
 from .actions import Action, ActionKind, order_actions
 from .instructions import (
@@ -51,6 +52,8 @@ class Joint:
         lower: Names of the parts that lie on the table.
         upper: Names of the lighter parts, which are lifted.
         opens: Unit direction (3,) in which the upper parts are lifted.
+        across: Unit direction (3,) to the right in pictures and templates: the longest side of the
+            lower parts.
         lift: How far pictures lift the upper parts, mm.
         cords: Names of the cords in the joint.
         wires: Lines (p, 3) of the wires in the joint, mm.
@@ -62,6 +65,7 @@ class Joint:
     lower: tuple[str, ...]
     upper: tuple[str, ...]
     opens: Float
+    across: Float
     lift: float
     cords: tuple[str, ...]
     wires: tuple[Float, ...]
@@ -116,6 +120,11 @@ class GuideStep:
     def lines(self) -> tuple[str, ...]:
         """Instructions of all passages."""
         return tuple(line for passage in self.passages for line in passage.lines)
+
+    @property
+    def identifier(self) -> str:
+        """A short hash of title and instructions, by which pages remember finished steps."""
+        return digest(self.title, *self.lines)
 
 
 def exploded_shifts(manifest: Manifest, parts: Mapping[str, Surface]) -> dict[str, Float]:
@@ -272,4 +281,13 @@ def _describe_joint(j: int, manifest: Manifest, parts: Mapping[str, Surface]) ->
     lift = 0.4 * float(np.linalg.norm(size))
     wires = (e.wire for c in manifest.cords for e in c.ends if j in e.wire.joints)
     lines = tuple(w.line for w in wires if w.line is not None)
-    return Joint(low, high, normal, lift, step.cords, lines, step.pins, pin_letters(step), j)
+    across = _longest_direction(np.concatenate([s.vertices for s in lower]), normal)
+    letters = pin_letters(step)
+    return Joint(low, high, normal, across, lift, step.cords, lines, step.pins, letters, j)
+
+
+def _longest_direction(points: Float, normal: Float) -> Float:
+    """Return the longest direction (3,) of points across a normal."""
+    flat = points - points @ normal[:, None] * normal
+    long = np.linalg.svd(flat - flat.mean(0), full_matrices=False)[2][0]
+    return np.asarray(long if long @ [1.0, 0.3, 0.2] > 0 else -long)

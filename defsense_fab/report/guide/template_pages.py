@@ -11,7 +11,17 @@ import numpy as np
 from reportlab.lib import colors
 from reportlab.lib.styles import getSampleStyleSheet
 from reportlab.lib.units import mm
-from reportlab.platypus import Flowable, KeepTogether, Paragraph, SimpleDocTemplate, Spacer
+from reportlab.platypus import (
+    BaseDocTemplate,
+    Flowable,
+    Frame,
+    KeepTogether,
+    NextPageTemplate,
+    PageBreak,
+    PageTemplate,
+    Paragraph,
+    Spacer,
+)
 
 from ...core.arrays import Float
 from ...core.storage.files import replace_file
@@ -20,13 +30,14 @@ from .templates import CordTemplate, FaceTemplate
 #: Width and height that both A4 (210 x 297 mm) and Letter (215.9 x 279.4 mm) hold.
 PAGE_SIZE_MM = (210.0, 279.4)
 PAGE_MARGIN_MM = 14.0  # printers do not print closer to the edge
-#: Width and height for a drawing below its title, on a page.
-FRAME_MM = (PAGE_SIZE_MM[0] - 2 * PAGE_MARGIN_MM, PAGE_SIZE_MM[1] - 2 * PAGE_MARGIN_MM - 32)
+_TITLE_HEIGHT_MM = 32.0
+_PORTRAIT = "portrait"
+_PAGES = {_PORTRAIT: PAGE_SIZE_MM, "landscape": PAGE_SIZE_MM[::-1]}
 RULER_LENGTH_MM = 100.0
 _ROW_HEIGHT_MM, _SIDE_MARGIN_MM = 24.0, 5.0
 _SAME_PLACE_MM = 1e-6
 _INK, _HINT_COLOR = colors.black, colors.HexColor("#52616b")
-_GROOVE_COLOR, _WIRE_COLOR = colors.HexColor("#c3ccd2"), colors.HexColor("#c1121f")
+_GROOVE_COLOR, _WIRE_COLOR = colors.HexColor("#c3ccd2"), colors.HexColor("#7b2cbf")
 _EXCESS_COLOR, _FERRULE_COLOR = colors.HexColor("#d9d9d9"), colors.HexColor("#f3e3a3")
 _SMALL_FONT_PT, _TINY_FONT_PT = 8, 7
 
@@ -57,31 +68,49 @@ def write_templates(
         ),
         Spacer(0, 2 * mm),
         Ruler(),
-        *(KeepTogether([CordStrip(strip, FRAME_MM[0])]) for strip in strips),
+        *(KeepTogether([CordStrip(strip, drawing_size(_PORTRAIT)[0])]) for strip in strips),
     ]
+    current = _PORTRAIT
     for face in faces:
-        drawing: Any = CutFace.fit(face, *FRAME_MM)
-        if drawing is None:
+        page = page_of(face)
+        drawing: Any = CutFace(face)
+        if page is None:
             size = " x ".join(f"{n:.0f}" for n in face.size)
             text = f"This face measures {size} mm, which is larger than a page."
             drawing = Paragraph(text, style["Normal"])
+        elif page != current:
+            flow += [NextPageTemplate(page), PageBreak()]
+            current = page
         heading = Paragraph(f"{escape(face.title)}, at 1:1", style["Heading3"])
         flow.append(KeepTogether([heading, drawing]))
     with replace_file(path) as temporary:
-        SimpleDocTemplate(
-            str(temporary),
-            pagesize=(PAGE_SIZE_MM[0] * mm, PAGE_SIZE_MM[1] * mm),
-            title=title,
-            author="defsense-fab",
-            invariant=1,
-            **{f"{side}Margin": PAGE_MARGIN_MM * mm for side in ("left", "right", "top", "bottom")},
-        ).build(flow, onFirstPage=_write_page_number, onLaterPages=_write_page_number)
+        document = BaseDocTemplate(str(temporary), title=title, author="defsense-fab", invariant=1)
+        document.addPageTemplates([_page_template(page) for page in _PAGES])
+        document.build(flow)
 
 
-def _write_page_number(canvas: Any, _: Any) -> None:
-    canvas.setFont("Helvetica", 9)
-    x = (PAGE_SIZE_MM[0] - PAGE_MARGIN_MM) * mm
-    canvas.drawRightString(x, 8 * mm, str(canvas.getPageNumber()))
+def drawing_size(page: str) -> tuple[float, float]:
+    """Return the width and height for a drawing below its title on a page, mm."""
+    width, height = _PAGES[page]
+    return width - 2 * PAGE_MARGIN_MM, height - 2 * PAGE_MARGIN_MM - _TITLE_HEIGHT_MM
+
+
+def page_of(face: FaceTemplate) -> str | None:
+    """Return "portrait" or "landscape", the page that a face fits; None if it fits neither."""
+    size = face.size + 2 * _SIDE_MARGIN_MM
+    return next((page for page in _PAGES if (size <= drawing_size(page)).all()), None)
+
+
+def _page_template(page: str) -> PageTemplate:
+    width, height = (n * mm for n in _PAGES[page])
+    margin = PAGE_MARGIN_MM * mm
+    frame = Frame(margin, margin, width - 2 * margin, height - 2 * margin)
+
+    def write_number(canvas: Any, _: Any) -> None:
+        canvas.setFont("Helvetica", 9)
+        canvas.drawRightString(width - margin, 8 * mm, str(canvas.getPageNumber()))
+
+    return PageTemplate(page, frame, onPage=write_number, pagesize=(width, height))
 
 
 class Ruler(Flowable):  # type: ignore[misc]
@@ -247,23 +276,6 @@ class CutFace(Flowable):  # type: ignore[misc]
         super().__init__()
         self._template = template
         self.size = template.size + 2 * _SIDE_MARGIN_MM
-
-    @staticmethod
-    def fit(template: FaceTemplate, width: float, height: float) -> CutFace | None:
-        """Turn a face to fit a page.
-
-        Args:
-            template: The face.
-            width: Width of the page's frame, mm.
-            height: Height of the page's frame, mm.
-
-        Returns:
-            The face, turned by 90 degrees if only that fits, or None if neither fits.
-        """
-        for candidate in (template, template.turned()):
-            if (candidate.size + 2 * _SIDE_MARGIN_MM <= (width, height)).all():
-                return CutFace(candidate)
-        return None
 
     def wrap(self, *_: Any) -> tuple[float, float]:
         """Return width and height, points."""

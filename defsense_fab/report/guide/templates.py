@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -112,7 +112,7 @@ class FaceCord:
 
 @dataclass(frozen=True)
 class FaceTemplate:
-    """The face of a joint's lower parts, seen from above, from its lower left corner.
+    """The face of a joint's lower parts, as its pictures show it, from its lower left corner.
 
     Attributes:
         title: Title of the template.
@@ -133,32 +133,6 @@ class FaceTemplate:
     size: Float
     ferrule: tuple[float, float]
     cord: float
-
-    def turned(self) -> FaceTemplate:
-        """Return the template turned by 90 degrees."""
-        height = self.size[1]
-
-        def turn_points(p: Float) -> Float:
-            return np.stack([height - p[..., 1], p[..., 0]], axis=-1)
-
-        def turn_direction(p: Float) -> Float:
-            return np.array([-p[1], p[0]])
-
-        return replace(
-            self,
-            outline=turn_points(self.outline),
-            cords=tuple(
-                FaceCord(
-                    c.name,
-                    turn_points(c.line),
-                    tuple((turn_points(m), turn_direction(d)) for m, d in c.ferrules),
-                )
-                for c in self.cords
-            ),
-            wires=tuple(turn_points(w) for w in self.wires),
-            pins=tuple((letter, turn_points(m), diameter) for letter, m, diameter in self.pins),
-            size=self.size[::-1],
-        )
 
 
 def cord_templates(device: Device, manifest: Manifest) -> tuple[CordTemplate, ...]:
@@ -221,9 +195,7 @@ def face_template(
     if not cords:
         return None
     sensor = next(s for s in layout.sensors if s.name == cords[0].sensor)
-    # The line between the ends of the first cord's path is horizontal.
-    axis = sensor.points[-1] - sensor.points[0]
-    frame = Plane.from_normal(sensor.plane.origin, joint.opens, axis)
+    frame = Plane.from_normal(sensor.plane.origin, joint.opens, joint.across)
     below = Plane(frame.origin - _OUTLINE_DEPTH_MM * joint.opens, frame.axes)
     outline = np.concatenate([plane_section(parts[n], below) for n in joint.lower])
     face_cords = [

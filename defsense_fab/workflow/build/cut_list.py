@@ -11,6 +11,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.boards import ADS1115, ADS1115_INPUTS, find_board
 from ...core.device.device import Device
+from ...core.device.glues import find_glue
 from ...geometry.channels.channel_ends import End
 from ...geometry.channels.cord_assembly import JointSides, Stretch, find_late_joints, find_stretches
 from ...geometry.channels.cord_channels import Channel
@@ -293,7 +294,7 @@ def bill(
         )
     rows += _read_out(device, len(cords))
     if len(part_set.parts) > 1:
-        rows.append(_glue(device, copies * sum(c.area for c in part_set.contacts)))
+        rows.append(_glue_item(device, copies * sum(c.area for c in part_set.contacts)))
     return tuple(rows)
 
 
@@ -363,14 +364,13 @@ def _read_out(device: Device, cords: int) -> list[BillItem]:
     return items
 
 
-def _glue(device: Device, area_mm2: float) -> BillItem:
+def _glue_item(device: Device, area_mm2: float) -> BillItem:
     """Return the glue for the faces of the joints."""
-    if device.fabrication.kind == "cast":
-        name = "silicone glue"
-        use = (
-            f"the silicone itself, or a glue for cured {device.material.name}: others do not hold"
-            " on it"
-        )
-    else:
-        name, use = "flexible glue", f"one that stays as soft as {device.material.name}"
-    return BillItem(name, f"{area_mm2 / 100:.0f} cm2 of faces", use, "glue", area_mm2 / 1e4)
+    glue = find_glue(device)
+    return BillItem(
+        f"glue: {glue.kind}",
+        f"{area_mm2 / 100:.0f} cm2 of faces",
+        f"joins the parts; {glue.example}, for example",
+        "glue",
+        area_mm2 / 1e4,
+    )

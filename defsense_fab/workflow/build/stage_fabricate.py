@@ -32,6 +32,7 @@ from ...store.build import Build
 from ...store.layout import LayoutRecord, Prediction
 from ...store.manifest import (
     CutCord,
+    GluelessSpot,
     JoinedPin,
     JoinStep,
     Manifest,
@@ -398,6 +399,11 @@ def _assembly(parts: PartSet) -> tuple[JoinStep, ...]:
                     )
                     for p in parts.pins
                     if parts.contacts[p.contact].cut == k
+                ),
+                glueless=tuple(
+                    GluelessSpot(parts.channels[o.line].name, o.at, o.length)
+                    for o in parts.openings
+                    if o.cut == k
                 ),
             )
         )

@@ -11,6 +11,7 @@ import numpy as np
 from ...core.arrays import Bool, Float
 from ...core.device.device import Device
 from ...core.mesh import Surface
+from ...core.progress import describe_duration
 from ...decoding.error_scale import SCALE, describe_error
 from ...decoding.expected_errors import MEANING
 from ...geometry.bodies.orientation import viewing_axes
@@ -27,7 +28,7 @@ from ...report.viewer.scene import scene, view3d
 from ...store.build import Build
 from ...store.layout import WeighedRecord
 from ..board.wiring import plan_if_possible, write_wiring_files
-from ..fabrication.effort import describe_hours, effort_table
+from ..fabrication.effort import effort_table
 from ..fabrication.offers import find_offers
 from ..fabrication.print_time import print_hours
 from .stage_fabricate import COMPRESSION_RESPONSES
@@ -106,7 +107,7 @@ def _print_time(device: Device, record: WeighedRecord) -> str:
     """Return the time to print the parts of a compared layout; empty without an estimate."""
     fabrication = device.fabrication
     hours = print_hours(fabrication, record.pieces * fabrication.copies)
-    return describe_hours(hours) if record.pieces and hours is not None else ""
+    return describe_duration(3600 * hours) if record.pieces and hours is not None else ""
 
 
 def _state_rows(device: Device, build: Build) -> list[dict[str, Any]]:

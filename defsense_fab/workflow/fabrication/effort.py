@@ -11,7 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ...core.device.device import Device
+from ...core.device.glues import find_glue
 from ...core.device.prices import Prices
+from ...core.progress import describe_duration
 from ...core.storage.package_data import read_rows
 from ...report.guide.actions import Action
 from ...report.guide.plan import plan_actions
@@ -19,8 +21,7 @@ from ...report.guide.tables import GuideTable
 from ...store.manifest import BillItem, CutCord, Manifest
 from .print_time import pieces_on_plate, print_hours
 
-_TIMES = "assembly.csv"
-_MIN_WHOLE_HOURS = 10.0  # from which hours are stated without decimals
+_TIMES, _GLUES = "assembly.csv", "glues.csv"
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ class AssemblyTime:
 
     Attributes:
         minutes: Time in which somebody works, min.
-        cures: Number of times that glue has to cure before the work continues.
-        cure_hours: Time of these cures one after another, h.
+        cures: Number of times that glue has to set before the work continues.
+        cure_hours: Time of these waits one after another, h.
         casting_hours: Time in which the silicone of all parts cures, h; 0 if it is not cast, or
             the time is not known.
     """
@@ -115,17 +116,17 @@ class Effort:
         count = f"{self.copies} devices of " if self.copies > 1 else ""
         items = [f"{count}{describe_count(self.parts, 'part')}"]
         if hours is not None:
-            items.append(f"{describe_hours(hours)} of printing")
+            items.append(f"{describe_duration(3600 * hours)} of printing")
         items.append(f"{self.mass:.0f} g of material")
         if self.cord:
             items.append(f"{self.cord:.0f} mm of cord and {self.spare:.0f} mm spare")
         if self.joints:
             items.append(f"{describe_count(self.copies * self.joints, 'joint')} to glue")
-        items.append(f"{describe_hours(time.minutes / 60)} of assembly")
+        items.append(f"{describe_duration(60 * time.minutes)} of assembly")
         if time.cures:
             items.append(f"{describe_count(time.cures, 'wait')} of {_each(time)} for glue")
         if time.casting_hours:
-            items.append(f"{describe_hours(time.casting_hours)} in which silicone cures")
+            items.append(f"{describe_duration(3600 * time.casting_hours)} in which silicone cures")
         if self.cost is not None:
             items.append(f"{self.cost.amount:.2f} {self.cost.currency}")
         return ", ".join(items)
@@ -136,23 +137,15 @@ def describe_count(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def describe_hours(hours: float) -> str:
-    """Return a time as an estimate is stated, as in "35 min", "2.3 h" and "18 h"."""
-    if 60 * hours < 59.5:
-        return f"{60 * hours:.0f} min"
-    digits = 1 if hours < _MIN_WHOLE_HOURS else 0
-    return f"{hours:.{digits}f}".removesuffix(".0") + " h"
-
-
 def effort_table(device: Device, manifest: Manifest) -> GuideTable:
     """Return the table of what a device takes, with the basis of each figure."""
-    effort = find_effort(device, manifest)
+    effort, glue = find_effort(device, manifest), find_glue(device)
     rows = [*_print_rows(device, effort), *_material_rows(device, effort)]
     time = effort.assembly
     rows.append(
         (
             "assembly",
-            describe_hours(time.minutes / 60),
+            describe_duration(60 * time.minutes),
             (
                 f"{describe_count(effort.copies * effort.joints, 'joint')} to glue; "
                 if effort.joints
@@ -165,14 +158,15 @@ def effort_table(device: Device, manifest: Manifest) -> GuideTable:
         rows.append(
             (
                 "waiting",
-                describe_hours(time.cure_hours),
-                f"{describe_count(time.cures, 'wait')} of {_each(time)} for glue, which is assumed:"
-                " its package has the time",
+                describe_duration(3600 * time.cure_hours),
+                f"{describe_count(time.cures, 'wait')} of {_each(time)} until the glue holds,"
+                f" {describe_duration(3600 * glue.cure_hours)} more for its full strength"
+                f" ({glue.kind}, data/{_GLUES})",
             )
         )
     if time.casting_hours:
         cure = "the cure of the silicone, one device after another in the same moulds"
-        rows.append(("casting", describe_hours(time.casting_hours), cure))
+        rows.append(("casting", describe_duration(3600 * time.casting_hours), cure))
     return GuideTable("What it takes", ("item", "about", "basis"), (*rows, _cost_row(effort)))
 
 
@@ -180,7 +174,7 @@ def _print_rows(device: Device, effort: Effort) -> list[tuple[str, str, str]]:
     hours, f = effort.print_hours, device.fabrication
     plates = "; ".join(
         f"{p.file}: {describe_count(p.pieces, 'piece')}"
-        + ("" if p.hours is None else f", {describe_hours(p.hours)}")
+        + ("" if p.hours is None else f", {describe_duration(3600 * p.hours)}")
         + ("" if p.mass is None else f", {p.mass:.0f} g")
         for p in effort.plates
     )
@@ -189,7 +183,7 @@ def _print_rows(device: Device, effort: Effort) -> list[tuple[str, str, str]]:
     text = f"{plates}. Solid, at {f.rate:g} mm3/s ([fabrication] rate)"
     if device.cord.trace is not None:
         text += ", without the changes of filament"
-    return [("printing", describe_hours(hours), text)]
+    return [("printing", describe_duration(3600 * hours), text)]
 
 
 def _material_rows(device: Device, effort: Effort) -> list[tuple[str, str, str]]:
@@ -213,7 +207,7 @@ def _cost_row(effort: Effort) -> tuple[str, str, str]:
 
 
 def _each(time: AssemblyTime) -> str:
-    return describe_hours(time.cure_hours / time.cures)
+    return describe_duration(3600 * time.cure_hours / time.cures)
 
 
 def find_effort(device: Device, manifest: Manifest) -> Effort:
@@ -235,7 +229,7 @@ def find_effort(device: Device, manifest: Manifest) -> Effort:
         mass=1000 * sum(b.quantity for b in bill if b.good in ("filament", "silicone")),
         cord=copies * sum(c.cut_length for c in manifest.cords) if has_cords else 0.0,
         spare=copies * spare_length(manifest.cords) if has_cords else 0.0,
-        assembly=assembly_time(manifest),
+        assembly=assembly_time(manifest, find_glue(device).press_hours),
         cost=find_cost(device.prices, bill),
     )
 
@@ -276,11 +270,15 @@ def find_cost(prices: Prices, bill: tuple[BillItem, ...]) -> Cost | None:
     )
 
 
-def assembly_time(manifest: Manifest) -> AssemblyTime:
+def assembly_time(manifest: Manifest, press_hours: float) -> AssemblyTime:
     """Return the time to assemble all copies, by the actions of the guide.
 
     Plates and their pieces are those of all copies; everything else is done for each copy. Glue of
-    all copies cures at the same time; they are cast in the same moulds, one after another.
+    all copies sets at the same time; they are cast in the same moulds, one after another.
+
+    Args:
+        manifest: The manifest of the device's parts.
+        press_hours: Time for which a glued joint is pressed before the work continues, h.
     """
     times = read_rows(_TIMES).values()
     minutes, cures, cure_hours = 0.0, 0, 0.0
@@ -291,9 +289,9 @@ def assembly_time(manifest: Manifest) -> AssemblyTime:
                 continue
             copies = 1 if row["each"] in ("plate", "piece") else manifest.copies
             minutes += copies * counts[row["each"]] * float(row["minutes"] or 0)
-            if row["wait_hours"]:
+            if row["waits"] == "glue":
                 cures += 1
-                cure_hours += float(row["wait_hours"])
+                cure_hours += press_hours
     casting = manifest.casting
     casting_hours = manifest.copies * (casting.cure or 0.0) if casting else 0.0
     return AssemblyTime(minutes, cures, cure_hours, casting_hours)

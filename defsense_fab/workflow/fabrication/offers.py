@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...core.device.device import Device
+from ...core.progress import describe_duration
 from ...optimization.prediction.choose_layout import offered_layouts
 from ...store.layout import LayoutRecord
-from .effort import describe_count, describe_hours
+from .effort import describe_count
 from .print_time import print_hours
 
 
@@ -29,7 +30,7 @@ class Offer:
 
     def describe(self) -> str:
         """Return the offer as in "5 parts, 0.49 mm, 18 h"."""
-        time = "" if self.hours is None else f", {describe_hours(self.hours)}"
+        time = "" if self.hours is None else f", {describe_duration(3600 * self.hours)}"
         return f"{describe_count(self.parts, 'part')}, {self.error:.2f} mm{time}"
 
 

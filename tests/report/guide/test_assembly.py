@@ -10,6 +10,7 @@ import json
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from defsense_fab.core.errors import FabricationError
@@ -17,6 +18,7 @@ from defsense_fab.report.guide.actions import Action, ActionKind, order_actions
 from defsense_fab.report.guide.guide import plain_steps
 from defsense_fab.report.guide.instructions import pin_letters
 from defsense_fab.report.guide.steps import guide_steps
+from defsense_fab.store.manifest import GluelessSpot
 from tests.support.errors import raises
 from tests.support.follow_guide.__main__ import follow_steps
 from tests.support.follow_guide.assembler import Assembler
@@ -235,6 +237,18 @@ def test_the_step_of_a_joint_mentions_wires_that_cross_it():
     (line,) = set(glued[-1]["lines"]) - set(plain[-1]["lines"])
     assert "the end of cord-0" in line
     assert "bay" in line
+
+
+def test_the_step_of_a_joint_names_spots_without_glue():
+    some = blocks(1, 1, ends=MOUTHS)
+    *others, last = some.manifest.assembly
+    spot = GluelessSpot("cord-0", np.array([1.0, 2.0, 3.0]), 12.0)
+    assembly = (*others, replace(last, glueless=(spot,)))
+    changed = replace(some, manifest=replace(some.manifest, assembly=assembly))
+    glued, plain = (actions_of(guide_of(each), "glue joint") for each in (changed, some))
+    (line,) = set(glued[-1]["lines"]) - set(plain[-1]["lines"])
+    assert "cord-0" in line
+    assert "(1.0, 2.0, 3.0)" in line
 
 
 def test_pins_after_z_have_two_letters():

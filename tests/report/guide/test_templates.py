@@ -11,7 +11,7 @@ import pytest
 from defsense_fab.geometry.parts.records import Check
 from defsense_fab.report.guide.steps import guide_steps
 from defsense_fab.report.guide.tables import guide_checks
-from defsense_fab.report.guide.template_pages import CordStrip, CutFace, write_templates
+from defsense_fab.report.guide.template_pages import CordStrip, page_of, write_templates
 from defsense_fab.report.guide.templates import cord_templates, face_template
 from defsense_fab.store.layout import PlaneRecord
 
@@ -125,10 +125,27 @@ def test_cords_longer_than_a_page_continue_in_rows(strips):
     assert long.wrap()[1] > CordStrip(strip, 182.0).wrap()[1]
 
 
-def test_faces_are_turned_to_fit_or_omitted(face):
+@pytest.mark.parametrize(
+    ("size", "page"),
+    [
+        ((150, 50), "portrait"),
+        ((200, 50), "landscape"),
+        ((50, 200), "portrait"),
+        ((300, 300), None),
+    ],
+)
+def test_wide_faces_are_on_wide_pages(face, size, page):
+    assert page_of(replace(face, size=np.array(size, float))) == page
+
+
+def test_a_wide_face_has_a_wide_page(strips, face, tmp_path):
     wide = replace(face, size=np.array([200.0, 50.0]))
-    assert CutFace.fit(wide, 182.0, 230.0).size[1] == pytest.approx(210.0)
-    assert CutFace.fit(replace(face, size=np.array([300.0, 300.0])), 182.0, 230.0) is None
+    write_templates(tmp_path / "templates.pdf", "blocks", strips, [face, wide, face])
+    pdfium = pytest.importorskip("pypdfium2")
+    pages = pdfium.PdfDocument(tmp_path / "templates.pdf")
+    sizes = [page.get_size() for page in pages]
+    assert [width > height for width, height in sizes].count(True) == 1
+    assert not sizes[-1][0] > sizes[-1][1]
 
 
 def test_equal_templates_give_equal_bytes_without_faces_that_do_not_fit(strips, face, tmp_path):

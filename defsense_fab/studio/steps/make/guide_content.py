@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from ....core.device.device import Device
 from ....workflow.fabrication.assembly_guide import (
     PART_COLORS,
     AssemblyGuide,
-    GuideStep,
     GuideTable,
     Joint,
     step_view,
@@ -136,7 +134,7 @@ def _stage(guide: AssemblyGuide, index: int) -> messages.GuideStage:
     if step.joint is not None:
         cords = step.joint.cords
     return messages.GuideStage(
-        id=_identifier(step),
+        id=step.identifier,
         title=step.title,
         passages=[list(passage.lines) for passage in step.passages],
         view=view,
@@ -161,11 +159,6 @@ def _joint(joint: Joint) -> messages.GuideJoint:
             for letter, pin in zip(joint.letters, joint.pins, strict=True)
         ],
     )
-
-
-def _identifier(step: GuideStep) -> str:
-    content = "\n".join((step.title, *step.lines))
-    return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
 def _list(table: GuideTable) -> messages.GuideList:
