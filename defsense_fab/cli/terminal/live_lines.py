@@ -30,7 +30,7 @@ _COLORS = {
     Quality.FALLBACK: "yellow",
     Quality.LOST: "red",
 }
-_BAR_CELLS = 10
+_BAR_CELLS = 15  # on each side of 0
 
 
 @dataclass
@@ -122,12 +122,12 @@ class LiveLines:
             self._live.update(Group(*rows), refresh=True)
         else:
             for each in self._all:
-                text = _line(each)
-                without_numbers = _CHANGING.sub("", text)
+                state, values = _state(each), _values(each)
+                without_numbers = _CHANGING.sub("", "; ".join(state))
                 has_waited = time.monotonic() - each.printed_at >= _VALUES_INTERVAL_S
-                is_due = has_waited or not each.run.loop.status.targets or each.ended is not None
-                if without_numbers != each.printed and is_due:
+                if without_numbers != each.printed or (values and has_waited):
                     each.printed, each.printed_at = without_numbers, time.monotonic()
+                    text = "; ".join([*state[:1], *values, *state[1:]])
                     print(f"{each.label}: {text}", flush=True)  # noqa: T201
 
     def _print_json(self, new: Sequence[_Followed]) -> None:
@@ -169,18 +169,25 @@ def _check_ended(followed: _Followed) -> DefsenseError | None:
     return failure
 
 
-def _line(followed: _Followed) -> str:
+def _state(followed: _Followed) -> list[str]:
+    """Return the quality of a run's frames and its notes, or why it has ended."""
     if followed.ended is not None:
-        return f"ended: {followed.ended}"
+        return [f"ended: {followed.ended}"]
     status = followed.run.loop.status
-    values = status.targets
-    return "; ".join(
-        [
-            status.frame.quality.value if status.frame else "waiting",
-            *map(_describe_target, values, values.values()),
-            *map(str, status.notes),
-        ]
-    )
+    quality = status.frame.quality.value if status.frame else "waiting"
+    return [quality, *map(str, status.notes)]
+
+
+def _values(followed: _Followed) -> list[str]:
+    """Return the controls or targets of a run; none once it has ended."""
+    status = followed.run.loop.status
+    if followed.ended is not None or status.frame is None:
+        return []
+    controls, targets = status.frame.controls, status.targets
+    return [
+        *(f"{name} {value:.2f}" for name, value in controls.items()),
+        *map(_describe_target, targets, targets.values()),
+    ]
 
 
 def page(status: LiveStatus, label: str, ended: str | None = None) -> list[Text]:
@@ -208,18 +215,25 @@ def page(status: LiveStatus, label: str, ended: str | None = None) -> list[Text]
     rows = [line]
     if status.network is not None:
         rows.append(Text(status.network.summary, "dim"))
-    if frame.controls:
-        bars = Text()
-        for name, value in frame.controls.items():
-            filled = round(_BAR_CELLS * min(abs(value), 1.0))
-            bars.append(f"{name} ")
-            bars.append("━" * filled, "cyan")
-            bars.append("━" * (_BAR_CELLS - filled), "bright_black")
-            bars.append(f" {value:5.2f}   ")
-        rows.append(bars)
+    width = max(map(len, frame.controls), default=0)
+    rows += [_bar(name.rjust(width), value) for name, value in frame.controls.items()]
     if values := status.targets:
         rows.append(Text("   ".join(map(_describe_target, values, values.values())), "cyan"))
     return rows + _notes(status)
+
+
+def _bar(name: str, value: float) -> Text:
+    """Return a bar from -1 to 1 with its middle at 0; values outside fill it."""
+    filled = round(_BAR_CELLS * min(abs(value), 1.0)) if math.isfinite(value) else 0
+    empty = " " * (_BAR_CELLS - filled)
+    bar = Text(f"{name} ")
+    bar.append(empty if value < 0 else " " * _BAR_CELLS)
+    bar.append("━" * filled if value < 0 else "", "cyan")
+    bar.append("│", "dim")
+    bar.append("" if value < 0 else "━" * filled, "cyan")
+    bar.append(" " * _BAR_CELLS if value < 0 else empty)
+    bar.append(f" {value:5.2f}")
+    return bar
 
 
 def _describe_target(name: str, values: Mapping[str, object]) -> str:

@@ -16,6 +16,7 @@ from tests.runtime.live_frames import frame
 from tests.support.errors import raises
 
 NONE = (np.nan, np.nan)
+VALUES = "bend 0.25; twist -0.50"  # controls of the frames
 
 
 class Loop:
@@ -62,8 +63,8 @@ def test_ended_run_is_reported_once_while_others_continue(capsys):
     assert first.loop.checks == 3
     assert first.loop.closed
     assert capsys.readouterr().out.splitlines() == [
-        "bar (COM3): trusted",
-        "bar (COM4): trusted",
+        f"bar (COM3): trusted; {VALUES}",
+        f"bar (COM4): trusted; {VALUES}",
         "bar (COM3): ended: COM3: is gone",
         "bar (COM4): ended: COM4: the recording is at its end",
     ]
@@ -74,8 +75,29 @@ def test_missing_samples_are_reported_once(capsys):
     with LiveLines([one]) as lines:
         lines.follow(None)
     assert capsys.readouterr().out.splitlines() == [
-        "bar: trusted", "bar: trusted; no sample for 4 s", "bar: ended: at its end",
-    ]  # fmt: skip
+        f"bar: trusted; {VALUES}",
+        f"bar: trusted; {VALUES}; no sample for 4 s",
+        "bar: ended: at its end",
+    ]
+
+
+def test_values_are_printed_at_intervals(capsys, monkeypatch):
+    monkeypatch.setattr(live_lines, "_VALUES_INTERVAL_S", 0.0)
+    with LiveLines([run(ends=4, error=RecordingEnd("at its end", code="recording-ended"))]) as one:
+        one.follow(None)
+    assert capsys.readouterr().out.splitlines() == [
+        *[f"bar: trusted; {VALUES}"] * 3,
+        "bar: ended: at its end",
+    ]
+
+
+def test_each_pose_has_a_bar_around_zero():
+    bend, twist = [row.plain for row in page(run().loop.status, "bar") if "│" in row.plain]
+    assert bend.index("│") == twist.index("│")
+    assert "━" in bend.partition("│")[2]
+    assert "━" not in bend.partition("│")[0]
+    assert "━" in twist.partition("│")[0]
+    assert "━" not in twist.partition("│")[2]
 
 
 def test_json_reports_an_end_once(capsys, monkeypatch):
