@@ -26,6 +26,12 @@ FOLDER, MANIFEST = "parts", "parts/manifest.json"
 END_NAMES = ("start", "end")
 
 
+def part_label(part: str) -> str:
+    """Return "1 (second from left)" for the part `1-second-from-left`."""
+    number, _, place = part.partition("-")
+    return f"{number} ({place.replace('-', ' ')})" if number.isdigit() and place else part
+
+
 def load_part(path: Path) -> Surface:
     """Return the surface in an STL file, mm."""
     import trimesh  # slow, and not needed for the file alone

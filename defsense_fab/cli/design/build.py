@@ -53,6 +53,7 @@ def _stage_command(name: str, last_stage: str) -> Command:
         from ...core.storage.typed_json import to_json
         from ...workflow.build.build import build as run_stages
         from ...workflow.build.build import summary
+        from ...workflow.build.part_changes import load_changes
         from ...workflow.build.recorded_options import recorded_options
         from ...workflow.build.results import has_parts
         from ...workflow.build.stages import STAGES, STAGES_WITHOUT_CORDS
@@ -72,9 +73,13 @@ def _stage_command(name: str, last_stage: str) -> Command:
                 if has_parts(result.results):
                     effort = find_effort(device, result.results.manifest)
                     summarized["effort"] = {**to_json(effort), "print_hours": effort.print_hours}
+                    summarized["changes"] = to_json(load_changes(result.folder))
                 print_json({**summarized, "made": result.made, "reused": result.reused})
                 return
             _print_result(result, options.apply(device))
+            changes = load_changes(result.folder)
+            if changes is not None and "fabricate" in result.made:
+                print_lines(changes.describe())
             _print_next_step(name, last_stage, result.folder, folder, options)
             is_other = "fabricate" in result.made and str(options) != str(previous)
             if is_other and previous.overrides:

@@ -16,7 +16,7 @@ from ...core.device.device import Device
 from ...core.device.glues import find_glue
 from ...core.progress import describe_duration
 from ...geometry.channels import cord_assembly
-from ...store.manifest import END_NAMES, CutCord, JoinStep, Manifest
+from ...store.manifest import END_NAMES, CutCord, JoinStep, Manifest, part_label
 from ..html import environment
 from .actions import Action
 from .plan import (
@@ -155,12 +155,6 @@ def join_names(names: Sequence[object]) -> str:
 def cord_label(cord: str) -> str:
     """Return "cord left" for `left`, but "cord-1" for `cord-1`."""
     return cord if cord.lower().startswith("cord") else f"cord {cord}"
-
-
-def part_label(part: str) -> str:
-    """Return "1 (second from left)" for the part `1-second-from-left`."""
-    number, _, place = part.partition("-")
-    return f"{number} ({place.replace('-', ' ')})" if number.isdigit() and place else part
 
 
 def label_parts(parts: Sequence[str]) -> str:

@@ -12,13 +12,13 @@ from ...core.curve import arc_lengths, resample
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...store.layout import LayoutRecord
-from ...store.manifest import END_NAMES, CordEnd, CutCord, Manifest
+from ...store.manifest import END_NAMES, CordEnd, CutCord, Manifest, part_label
 from ..pictures import views
 from ..pictures.sheet import COLORS
 from ..pictures.views import View
 from .actions import Action, ActionKind
 from .drawing import Drawing
-from .instructions import cord_label, part_label, pulled_reach, pulled_strain
+from .instructions import cord_label, pulled_reach, pulled_strain
 from .steps import GuideStep, Illustration, Joint, Passage
 from .templates import CordLine, cord_line
 
@@ -26,7 +26,7 @@ _CORD_COLOR, _WIRE_COLOR, _FERRULE_COLOR = "#161616", "#7b2cbf", "#c9a227"
 _THICK_PIN_COLOR, _MIDDLE_PIN_COLOR, _THIN_PIN_COLOR = "#e76f51", "#f4d35e", "#3a86ff"
 _GLUE_COLOR, _GLUELESS_COLOR, _ARROW_COLOR = "#2a9d3a", "#e00000", "#f77f00"
 _GLUELESS_MARGIN_MM = 1.5  # next to a groove that must stay free of glue
-_RED_LINE_RADIUS_MM = 0.35
+_RED_LINE_RADIUS_MM = 0.5
 _LOOSE_LENGTH_MM = 24.0  # of cords and wires that hang out of the parts
 _END_VIEW_RADIUS_MM = 55.0  # around a pulled end
 _MAX_UPWARD_SHARE = 0.8  # of an end's direction, above which it is drawn as upright

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...core.arrays import Float
 from ...core.mesh import Surface
+from ...store.manifest import part_label
 from . import labels, views
 from .body_views import FOOT, WIDTH
 from .scene import Scene
@@ -94,7 +95,9 @@ def draw_labelled_parts(
         A PNG data URI.
     """
     names = list(colors)
-    column_width = labels.room(f"{n} (behind)" if len(names) > 1 else n for n in names)
+    column_width = labels.room(
+        f"{part_label(n)} (behind)" if len(names) > 1 else part_label(n) for n in names
+    )
     head = 1.7 * TEXT if title else 0.0
     labels_height = 1.5 * SMALL * -(-len(names) // 2)  # of a column
     shot = scene.shot(view, width - 2 * column_width - 8, height - head - FOOT - 12)
@@ -104,7 +107,7 @@ def draw_labelled_parts(
         at = labels.spot(masks[name]) if name in masks else None
         is_hidden = at is None
         anchors.append(shot.pixel(centers[name][None])[0] if is_hidden else np.array(at))
-        texts.append(f"{name} (behind)" if is_hidden else name)
+        texts.append(f"{part_label(name)} (behind)" if is_hidden else part_label(name))
         label_colors.append(colors[name])
     w, h = shot.size
     left, right = labels.widths(texts, np.array(anchors), shot.size)

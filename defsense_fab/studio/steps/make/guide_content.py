@@ -10,6 +10,7 @@ import numpy as np
 from ....core.arrays import Float
 from ....core.curve import resample
 from ....core.device.device import Device
+from ....workflow.build.part_changes import load_changes, part_label
 from ....workflow.fabrication.assembly_guide import (
     PART_COLORS,
     AssemblyGuide,
@@ -93,7 +94,7 @@ def guide_state(
         wire_radius=device.fabrication.wire_diameter / 2,
         cords=cords,
         stages=[_stage(guide, k) for k in range(len(guide.steps))],
-        lists=[_list(table) for table in guide.tables],
+        lists=[_list(table) for table in (*_changes(folder), *guide.tables)],
         checks=_list(guide.checks),
         notes=[
             messages.GuideNote(
@@ -103,6 +104,20 @@ def guide_state(
         ],
         files=build_files(guide, folder),
     )
+
+
+def _changes(folder: Path) -> list[GuideTable]:
+    """Return the table of what differs from the parts before these; empty if there were none."""
+    changes = load_changes(folder)
+    if changes is None:
+        return []
+    rows = [
+        *((part_label(name), "print again") for name in changes.print_again),
+        *((f"cord {name}", "cut again") for name in changes.cut_again),
+        *((part_label(name), "keep") for name in changes.keep),
+        *((f"cord {name}", "keep") for name in changes.keep_cords),
+    ]
+    return [GuideTable("Changed since the last parts", ("piece", "what to do"), tuple(rows))]
 
 
 def build_files(guide: AssemblyGuide, folder: Path) -> list[messages.MadeFile]:
