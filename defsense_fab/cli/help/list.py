@@ -24,7 +24,8 @@ list_rows = command(
 
 @list_rows.default
 def _list(
-    kind: Literal["materials", "cords", "filaments", "printers", "silicones"] | None = None,
+    kind: Literal["materials", "cords", "filaments", "printers", "silicones", "glues"]
+    | None = None,
     name: str = "",
     /,
     *,

@@ -1,4 +1,4 @@
-"""Materials, cords, conductive filaments, printers and silicones: their key numbers by name."""
+"""Materials, cords, filaments, printers, silicones and glues: their key numbers by name."""
 
 from __future__ import annotations
 
@@ -133,5 +133,13 @@ CATALOGUES: Mapping[str, Catalogue] = {
             Column("Shrinkage", "", "shrinkage"),
         ),
         _silicone_rows,
+    ),
+    "glues": Catalogue(
+        (
+            Column("Open", "min", "open_minutes"),
+            Column("Pressed", "h", "press_hours"),
+            Column("Full strength", "h", "cure_hours"),
+        ),
+        partial(read_rows, "glues.csv"),
     ),
 }

@@ -20,12 +20,11 @@ from .actions import Action, ActionKind
 from .drawing import Drawing
 from .instructions import cord_label, pulled_reach, pulled_strain
 from .steps import GuideStep, Illustration, Joint, Passage
-from .templates import CordLine, cord_line
+from .templates import CordLine, cord_line, glueless_lines
 
 _CORD_COLOR, _WIRE_COLOR, _FERRULE_COLOR = "#161616", "#7b2cbf", "#c9a227"
 _THICK_PIN_COLOR, _MIDDLE_PIN_COLOR, _THIN_PIN_COLOR = "#e76f51", "#f4d35e", "#3a86ff"
 _GLUE_COLOR, _GLUELESS_COLOR, _ARROW_COLOR = "#2a9d3a", "#e00000", "#f77f00"
-_GLUELESS_MARGIN_MM = 1.5  # next to a groove that must stay free of glue
 _RED_LINE_RADIUS_MM = 0.5
 _LOOSE_LENGTH_MM = 24.0  # of cords and wires that hang out of the parts
 _END_VIEW_RADIUS_MM = 55.0  # around a pulled end
@@ -280,20 +279,11 @@ class JointPictures:
 
     def _mark_glueless(self, drawing: Drawing, joint: Joint) -> None:
         """Mark in red where glue must stay away: along grooves of held cords, and at open walls."""
-        offset = self.device.channel_diameter / 2 + _GLUELESS_MARGIN_MM
-        for cord in self.manifest.cords if self.manifest.assembly_of_cords == "held" else ():
-            for stretch in cord.stretches:
-                if stretch.joint != joint.index:
-                    continue
-                points = self._line(cord).along(stretch.start, stretch.stop)
-                along = np.gradient(points, axis=0)
-                sideways = np.cross(along, joint.opens)
-                sideways *= offset / np.linalg.norm(sideways, axis=1, keepdims=True)
-                for line in (points + sideways, points - sideways):
-                    drawing.rod(line, _RED_LINE_RADIUS_MM, _GLUELESS_COLOR)
-                drawing.legend["no glue between these lines"] = _GLUELESS_COLOR
+        for line in glueless_lines(self.device, self.layout, self.manifest, joint):
+            drawing.rod(line, _RED_LINE_RADIUS_MM, _GLUELESS_COLOR)
+            drawing.legend["no glue between these lines"] = _GLUELESS_COLOR
         for spot in self.manifest.assembly[joint.index].glueless:
-            drawing.ball(spot.at, offset, _GLUELESS_COLOR)
+            drawing.ball(spot.at, self.device.channel_diameter, _GLUELESS_COLOR)
             drawing.label(spot.at, f"no glue within {spot.length / 2:.0f} mm")
 
     def _mark_glue(self, drawing: Drawing, cord: CutCord, end: int, joint: Joint) -> None:

@@ -18,6 +18,7 @@ from .instructions import cord_label, format_resistance
 from .plan import late_end
 from .steps import Joint
 
+_GLUELESS_MARGIN_MM = 1.5  # next to a groove that must stay free of glue
 _OUTLINE_DEPTH_MM = 0.05  # below the face, where its outline is taken
 _MIN_POINT_DISTANCE_MM = 1e-6  # nearer points are the same
 
@@ -68,6 +69,26 @@ def cord_line(layout: LayoutRecord, cord: CutCord) -> CordLine:
     distances = np.linalg.norm(np.diff(line, axis=0), axis=1)
     is_new = np.concatenate([[True], distances > _MIN_POINT_DISTANCE_MM])
     return CordLine(cord, np.asarray(line[is_new]))
+
+
+def glueless_lines(
+    device: Device, layout: LayoutRecord, manifest: Manifest, joint: Joint
+) -> list[Float]:
+    """Return the lines (p, 3) mm on both sides of a joint's grooves, between which is no glue.
+
+    Bonded cords have none: they are glued into their grooves.
+    """
+    offset = device.channel_diameter / 2 + _GLUELESS_MARGIN_MM
+    lines = []
+    for cord in manifest.cords if manifest.assembly_of_cords == "held" else ():
+        for stretch in cord.stretches:
+            if stretch.joint != joint.index:
+                continue
+            points = cord_line(layout, cord).along(stretch.start, stretch.stop)
+            sideways = np.cross(np.gradient(points, axis=0), joint.opens)
+            sideways *= offset / np.linalg.norm(sideways, axis=1, keepdims=True)
+            lines += [points + sideways, points - sideways]
+    return lines
 
 
 @dataclass(frozen=True)

@@ -111,6 +111,7 @@ class GuideJoint(Record, frozen=True, kw_only=True):
         upper: Names of the parts that are lifted.
         lift: Displacement (3,) of the lifted parts in the open joint, mm.
         wires: Lines (p, 3) of the wires, mm.
+        glueless: Lines (p, 3) mm between which must be no glue, on both sides of grooves.
         pins: The pins.
     """
 
@@ -118,6 +119,7 @@ class GuideJoint(Record, frozen=True, kw_only=True):
     upper: list[str]
     lift: list[float]
     wires: list[list[list[float]]]
+    glueless: list[list[list[float]]]
     pins: list[GuidePin]
 
 

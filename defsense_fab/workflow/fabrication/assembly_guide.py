@@ -15,6 +15,7 @@ from ...report.guide.steps import Joint as Joint
 from ...report.guide.steps import exploded_shifts, guide_steps
 from ...report.guide.tables import GuideTable as GuideTable
 from ...report.guide.tables import guide_checks, guide_tables
+from ...report.guide.templates import glueless_lines as glueless_lines
 from ...report.pictures.sheet import COLORS
 from ...store.build import Build
 from ...store.layout import LayoutRecord

@@ -16,6 +16,7 @@ from ....workflow.fabrication.assembly_guide import (
     AssemblyGuide,
     GuideTable,
     Joint,
+    glueless_lines,
     step_view,
 )
 from ....workflow.view import Arrays
@@ -93,7 +94,7 @@ def guide_state(
         cord_radius=device.cord.diameter / 2,
         wire_radius=device.fabrication.wire_diameter / 2,
         cords=cords,
-        stages=[_stage(guide, k) for k in range(len(guide.steps))],
+        stages=[_stage(device, guide, k) for k in range(len(guide.steps))],
         lists=[_list(table) for table in (*_changes(folder), *guide.tables)],
         checks=_list(guide.checks),
         notes=[
@@ -142,7 +143,7 @@ def made_file(title: str, file: Path, name: str) -> messages.MadeFile:
     )
 
 
-def _stage(guide: AssemblyGuide, index: int) -> messages.GuideStage:
+def _stage(device: Device, guide: AssemblyGuide, index: int) -> messages.GuideStage:
     step, view = guide.steps[index], step_view(guide, index)
     names = tuple(cord.name for cord in guide.layout.sensors)
     cords = names if view in ("cords", "assembled") else ()
@@ -154,16 +155,18 @@ def _stage(guide: AssemblyGuide, index: int) -> messages.GuideStage:
         passages=[list(passage.lines) for passage in step.passages],
         view=view,
         cords=list(cords),
-        joint=None if step.joint is None else _joint(step.joint),
+        joint=None if step.joint is None else _joint(device, guide, step.joint),
     )
 
 
-def _joint(joint: Joint) -> messages.GuideJoint:
+def _joint(device: Device, guide: AssemblyGuide, joint: Joint) -> messages.GuideJoint:
+    glueless = glueless_lines(device, guide.layout, guide.manifest, joint)
     return messages.GuideJoint(
         lower=list(joint.lower),
         upper=list(joint.upper),
         lift=rounded(joint.lift * joint.opens),
         wires=[_shown_line(wire) for wire in joint.wires],
+        glueless=[_shown_line(line) for line in glueless],
         pins=[
             messages.GuidePin(
                 letter=letter,

@@ -1737,6 +1737,7 @@ export interface GuideStage {
  *         upper: Names of the parts that are lifted.
  *         lift: Displacement (3,) of the lifted parts in the open joint, mm.
  *         wires: Lines (p, 3) of the wires, mm.
+ *         glueless: Lines (p, 3) mm between which must be no glue, on both sides of grooves.
  *         pins: The pins.
  */
 export interface GuideJoint {
@@ -1744,6 +1745,7 @@ export interface GuideJoint {
   upper: string[];
   lift: number[];
   wires: number[][][];
+  glueless: number[][][];
   pins: GuidePin[];
 }
 /**

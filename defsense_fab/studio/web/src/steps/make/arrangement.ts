@@ -12,6 +12,8 @@ export interface Arrangement {
   parts: ReadonlyMap<string, PartPlacement>;
   cords: readonly BuiltCordState[];
   wires: readonly number[][][];
+  /** Lines between which must be no glue. */
+  glueless: readonly number[][][];
   pins: readonly GuidePin[];
 }
 
@@ -43,6 +45,7 @@ export function arrange(
     parts: new Map(parts.map((part) => [part.name, place(part)])),
     cords: guide.cords.filter(({ name }) => shown.has(name)),
     wires: stage?.joint?.wires ?? [],
+    glueless: stage?.joint?.glueless ?? [],
     pins: stage?.joint?.pins ?? [],
   };
 }

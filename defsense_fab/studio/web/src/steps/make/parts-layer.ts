@@ -9,6 +9,9 @@ import type { Arrangement, PartPlacement } from "./arrangement";
 
 const WIRE_COLOR = "#1f77b4";
 const PIN_COLOR = "#e3c65a";
+/** Of the lines between which must be no glue, and their radius, mm. */
+const GLUELESS_COLOR = "#e00000";
+const GLUELESS_RADIUS = 0.5;
 const FADED_OPACITY = 0.25;
 
 interface Entry {
@@ -66,6 +69,7 @@ export class PartsLayer {
     };
     for (const { name, color, path } of arrangement.cords) add(radii.cord, name, color, path);
     arrangement.wires.forEach((wire, k) => add(radii.wire, `wire ${k}`, WIRE_COLOR, wire));
+    arrangement.glueless.forEach((line, k) => add(GLUELESS_RADIUS, `no glue ${k}`, GLUELESS_COLOR, line));
     for (const { letter, start, end, radius } of arrangement.pins) {
       add(radius, `pin ${letter}`, PIN_COLOR, [start, end]);
     }
