@@ -28,10 +28,10 @@ class Svg:
         self.size = width, height
         self.elements = []
 
-    def shape(self, name, fill="none", stroke=INK, width=1.5, **attributes):
+    def shape(self, name, fill="none", stroke=INK, line=1.5, **attributes):
         """Add an SVG element; its attributes are written as they are."""
         words = " ".join(f'{key.replace("_", "-")}="{value}"' for key, value in attributes.items())
-        style = f'fill="{fill}" stroke="{stroke}" stroke-width="{width}"'
+        style = f'fill="{fill}" stroke="{stroke}" stroke-width="{line}"'
         self.elements.append(f"<{name} {words} {style}/>")
 
     def box(self, x, y, width, height, fill, stroke=INK, radius=0):
@@ -40,7 +40,7 @@ class Svg:
 
     def path(self, d, stroke=INK, width=1.5, fill="none", **attributes):
         """Add a path."""
-        self.shape("path", fill, stroke, width, d=d, stroke_linecap="round", **attributes)
+        self.shape("path", fill, stroke, width, **({"stroke_linecap": "round"} | attributes), d=d)
 
     def arrow(self, start, end, both=False, color=SOFT):
         """Add a line with an arrowhead at its end, or at both ends."""
@@ -66,7 +66,7 @@ class Svg:
     def label(self, x, y, text, at, anchor="start"):
         """Add a text with a line from it to a place."""
         gap = {"start": -5, "end": 5, "middle": 0}[anchor]
-        drop = 0 if anchor != "middle" else (7 if at[1] > y else -18)
+        drop = 0 if anchor != "middle" else (10 if at[1] > y else -12)
         self.path(f"M{x + gap:g},{y - 5 + drop:g} L{at[0]:g},{at[1]:g}", SOFT, 1)
         self.shape("circle", SOFT, "none", cx=at[0], cy=at[1], r=3)
         self.text(x, y, text, anchor)
@@ -105,29 +105,27 @@ def channel():
 def pocket():
     """Draw the section along the end of a cord."""
     svg = Svg(760, 300)
-    y = 160
-    svg.box(110, 70, 620, 180, LOWER)
-    svg.box(110, y - 15, 620, 30, AIR, "none")  # channel
-    svg.box(110, y - 13, 175, 26, AIR, "none")
-    svg.box(175, y - 24, 210, 48, AIR, "none")  # pocket
-    svg.path(f"M730,{y - 15} H385 V{y - 24} H175 V{y + 24} H385 V{y + 15} H730")
-    svg.box(104, y - 16, 70, 32, LOWER, "none")  # no mouth here: the bend replaces it
-    svg.path("M110,70 V250", INK, 1.5)
-    bend = f"M262,{y} H215 C180,{y} 168,{y - 35} 140,70"
-    svg.path(bend, INK, 23)
-    svg.path(bend, AIR, 20)
-    svg.path(f"M176,{y - 24} V{y + 24}", LOWER, 1)
-    svg.path(f"M300,{y} H215 C180,{y} 168,{y - 35} 140,70 L128,28", WIRE, 9)
-    svg.path(f"M320,{y} H730", CORD, 24, stroke_linejoin="round")
-    svg.box(250, y - 20, 130, 40, FERRULE)
-    svg.path(f"M315,{y - 20} V{y + 20}", INK, 1.2, stroke_dasharray="4 3")
-    svg.path("M110,70 H730 M110,250 H730", LOWER, 3)
-    svg.label(190, 40, "wire, leaves through a bend", (138, 55))
-    svg.label(330, 95, "ferrule", (310, y - 20), "middle")
-    svg.label(215, 285, "pocket", (230, y + 24), "middle")
+    y, butt = 160, {"stroke_linecap": "butt"}
+    svg.box(110, 70, 640, 180, LOWER, "none")
+    svg.path("M750,70 H110 V250 H750")
+    svg.box(108, y - 24, 277, 48, AIR, "none")  # pocket, open at its mouth
+    svg.box(385, y - 15, 365, 30, AIR, "none")  # channel
+    svg.path(f"M110,{y - 24} H385 V{y - 15} H750 M110,{y + 24} H385 V{y + 15} H750")
+    bend = f"M215,{y - 6} C185,{y - 6} 170,{y - 30} 170,69"
+    svg.path(bend, INK, 25, **butt)
+    svg.path(bend, AIR, 22, **butt)
+    svg.box(150, y - 23, 80, 30, AIR, "none")
+    svg.path(f"M300,{y} H225 C185,{y} 170,{y - 30} 170,69 V30", WIRE, 9)
+    svg.path(f"M320,{y} H750", CORD, 24, **butt)
+    svg.box(255, y - 20, 130, 40, FERRULE)
+    svg.path(f"M320,{y - 20} V{y + 20}", INK, 1.2, stroke_dasharray="4 3")
+    svg.label(215, 45, "wire, leaves through a bend", (170, 50))
+    svg.label(340, 95, "ferrule", (320, y - 20), "middle")
+    svg.label(215, 285, "pocket", (200, y + 20), "middle")
     svg.label(560, 95, "cord in its channel", (560, y - 12), "middle")
-    svg.label(95, 205, "skin", (110, 215), "end")
-    svg.arrow((380, 222), (728, 222))
+    svg.label(85, 110, "skin", (110, 110), "end")
+    svg.label(85, 165, "mouth", (110, y), "end")
+    svg.arrow((385, 222), (748, 222))
     svg.text(400, 242, "this part of the cord senses")
     svg.write("pocket", "Section along the end of a cord: wire, bend, pocket, ferrule and cord")
 
@@ -144,14 +142,14 @@ def held_bonded():
         svg.box(600, y - 22, 90, 44, AIR, INK)
         if title == "bonded":
             svg.box(151, y - 13, 458, 26, GLUE, "none")
-        svg.path(f"M20,{y} H90 M670,{y} H740", WIRE, 7)
+        svg.path(f"M20,{y} H90 M670,{y} H740", WIRE, 7, stroke_linecap="butt")
         svg.path(f"M120,{y} H640", CORD, 16)
-        svg.box(84, y - 17, 72, 34, FERRULE)
-        svg.box(604, y - 17, 72, 34, FERRULE)
+        svg.box(88, y - 17, 72, 34, FERRULE)
+        svg.box(600, y - 17, 72, 34, FERRULE)
     svg.arrow((330, 75), (430, 75), both=True)
     svg.text(380, 66, "slides", "middle")
     svg.label(400, 158, "ferrule rests against the bottom of its pocket", (160, 112), "start")
-    svg.label(300, 312, "soft glue along the whole groove", (350, 252), "start")
+    svg.label(380, 312, "soft glue along the whole groove", (380, 251), "middle")
     svg.write("held-bonded", "A held cord slides in its channel; a bonded cord is glued")
 
 
@@ -175,8 +173,8 @@ def beads():
 
 def jig():
     """Draw a bent specimen on a jig, with the neutral plane and the outer cords."""
-    svg = Svg(760, 330)
-    cx, cy, r, h = 330, 520, 330, 90
+    svg = Svg(760, 260)
+    cx, cy, r, h = 330, 450, 330, 90
     half = 38
 
     def arc(radius, start=-half, end=half):
@@ -188,23 +186,23 @@ def jig():
     def at(radius, degrees):
         return cx + radius * sin(radians(degrees)), cy - radius * cos(radians(degrees))
 
-    svg.path(arc(r + h / 2), LOWER, h)
-    svg.path(arc(r) + " L {:.1f},330 L {:.1f},330 Z".format(at(r, half)[0], at(r, -half)[0]),
+    svg.path(arc(r + h / 2), LOWER, h, stroke_linecap="butt")
+    svg.path(arc(r) + " L {:.1f},260 L {:.1f},260 Z".format(at(r, half)[0], at(r, -half)[0]),
              INK, 1.5, METAL)  # fmt: skip
     svg.path(arc(r + h), INK)
     for offset in (-30, 30):
         svg.path(arc(r + h / 2 + offset), CORD, 9)
     svg.path(arc(r + h / 2), SOFT, 2, stroke_dasharray="7 5")
     tip = at(r, -17)
-    svg.arrow((cx - 55, 330), tip)
-    svg.text(cx - 120, 280, "radius r")
+    svg.arrow((cx - 55, 260), tip)
+    svg.text(cx - 60, 212, "radius r")
     a, b = at(r + h / 2, 12), at(r + h / 2 + 30, 12)
     svg.arrow(a, b, both=True, color=WIRE)
     svg.text(b[0] + 4, b[1] + 26, "a", color=WIRE)
-    svg.label(600, 75, "top cord: stretched", at(r + h / 2 + 30, 28))
-    svg.label(600, 130, "neutral plane:\nno strain", at(r + h / 2, 34))
-    svg.label(600, 205, "bottom cord:\ncompressed", at(r + h / 2 - 30, 36))
-    svg.text(cx, 315, "jig", "middle")
+    svg.label(600, 40, "top cord: stretched", at(r + h / 2 + 30, 28))
+    svg.label(600, 90, "neutral plane:\nno strain", at(r + h / 2, 34))
+    svg.label(600, 150, "bottom cord:\ncompressed", at(r + h / 2 - 30, 36))
+    svg.text(cx + 60, 240, "jig", "middle")
     svg.arrow(at(r, -25), at(r + h, -25), both=True)
     svg.text(at(r + h, -25)[0] + 30, at(r + h, -25)[1] + 50, "h")
     svg.write("jig", "The strain of a cord in the bent specimen")

@@ -39,7 +39,8 @@ FIXTURES = HERE.parents[1] / "fixtures" / "devices"
 UP = np.array([0.0, 0.0, 1.0])
 PART, OTHER, CUP = "#e58b98", "#4c9aa8", "#9fb0ba"
 CORD, WIRE, FERRULE, PIN, TRACE = "#161616", "#c1121f", "#c9a227", "#3a86ff", "#3b4a54"
-BAY = '[body.bay]\nat = [24, 0, 15]\nsize = [14, 7, 8]\n\n[material]'
+BAY = "[body.bay]\nat = [0, 0, 0]\nsize = [14, 7, 8]\n\n[material]"
+RAIL_MM = 3.0  # height of a jig's rails above its surface
 CHECK_PORT = 8124
 WAIT_MS = 300_000
 
@@ -86,13 +87,19 @@ def make_cast(folder):
 
 
 def make_bay(folder):
-    """Make the parts of a bar with a bay for a connector, with a coarse mesh."""
+    """Make the parts of a bar with two cords and a bay for a connector, with a coarse mesh."""
+    text = (FIXTURES / "bar" / "device.toml").read_text(encoding="utf-8")
+    middle = next(t for t in text.split("[[sensors]]") if 'name = "middle"' in t)
+    middle = f"[[sensors]]{middle}".replace('free = ["path", "plane"]', "free = []")
     changes = [
         ("edge_length = 8.0", "edge_length = 14.0"),
         ("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [1.0]"),
         ("markers = 40", "markers = 8"),
         ('free = ["path", "plane"]', "free = []"),
         ("[material]", BAY),
+        ("origin = [0, 8, 0]", "origin = [0, 11.3, 0]"),
+        ("origin = [0, -8, 0]", "origin = [0, -11.3, 0]"),
+        (middle, ""),
     ]
     make_changed(folder, "my-bay", "bar", changes, "fabricate")
 
@@ -275,7 +282,7 @@ def bay(folder):
     drawing.shapes.append(lambda scene: scene.outline(surface, opacity=0.22))
     for cord in build.manifest.cords:
         middles = draw_cord(drawing, device, build, cord)
-    drawing.label(np.array([24.0, 0, 12]), "bay")
+    drawing.label(np.array([4.0, 0, 3]), "bay")
     drawing.label(middles[1], "ferrule")
     points = build.layout.sensors[-1].points
     drawing.label(points[len(points) // 2], "cord")
@@ -284,18 +291,45 @@ def bay(folder):
     save_drawing(drawing, "bay")
 
 
+def bend(surface, radius):
+    """Return a straight bar along x, bent over a cylinder of a radius below it, mm."""
+    x, y, z = surface.vertices.T
+    angle = x / (radius + np.ptp(z) / 2)
+    reach = radius + z - z.min()
+    points = np.stack([reach * np.sin(angle), y, reach * np.cos(angle) - radius], axis=1)
+    return Surface(points, surface.faces)
+
+
 def specimen(folder):
     """Draw the bending specimen on a jig, and one of its halves."""
     out = folder / "my-specimen"
-    files = {p.stem: p for p in out.glob("*.stl")}
-    half, block = read(files["specimen-left"]), read(files["jig-100"])
-    with Scene() as scene:
-        scene.solid(block, CUP)
-        low, high = block.bounds if hasattr(block, "bounds") else (
-            block.vertices.min(0), block.vertices.max(0))  # fmt: skip
-        scene.solid(move(half, [low[0] - half.vertices[:, 0].min(), high[1] + 15, 0]), PART)
-        view = looking(np.array([-0.5, -1.0, 0.8]), UP)
-        save(Image.fromarray(scene.shot(view, 800, 520).image), "specimen")
+    radius, (length, width, thickness), offset = 100.0, (150.0, 20.0, 15.0), 2.0
+    half = read(out / "specimen-left.stl")
+    block = read(out / f"jig-{radius:g}.stl")
+    block = move(block, 0.0, turn([1, 0, 0], -90))
+    low, high = block.vertices.min(0), block.vertices.max(0)
+    block = move(block, -np.append((low + high)[:2] / 2, high[2] - RAIL_MM))
+    ends = np.linspace(-length / 2, length / 2, 61)
+    bar = trimesh.creation.box((length, width, thickness))
+    bar = trimesh.Trimesh(*trimesh.remesh.subdivide_to_size(bar.vertices, bar.faces, 4.0))
+    bar = bend(Surface(np.asarray(bar.vertices), np.asarray(bar.faces)), radius)
+    neutral = radius + thickness / 2
+    drawing = Drawing(looking(np.array([-0.45, -1.0, 0.6]), UP))
+    drawing.part(block, CUP, name="jig")
+    drawing.shapes.append(lambda scene: scene.solid(bar, "#f0b3bb", 0.55, edges=False))
+    names = {offset - thickness / 2: "bottom cord", 0.0: "neutral cord",
+             thickness / 2 - offset: "top cord"}  # fmt: skip
+    for height, name in names.items():
+        angles = ends / neutral
+        line = np.stack([(neutral + height) * np.sin(angles), 0 * angles,
+                         (neutral + height) * np.cos(angles) - radius], axis=1)  # fmt: skip
+        drawing.rod(line, 1.0, CORD)
+        drawing.label(line[0], name)
+    corner = np.array([low[0] - (low + high)[0] / 2, -width / 2 - 60, low[2] - high[2]])
+    drawing.part(move(half, corner - half.vertices.min(0)), PART, name="half")
+    drawing.label("half", "half of the specimen, open")
+    drawing.label("jig", "jig")
+    save_drawing(drawing, "specimen")
 
 
 def coupon(folder):
@@ -319,7 +353,7 @@ def trace_coupon(folder):
         scene.solid(bodies[0], "#c9d3d8", opacity=0.45)
         for trace in bodies[1:]:
             scene.solid(trace, TRACE, edges=False)
-        view = looking(np.array([0.7, -1.0, 1.1]), UP)
+        view = looking(np.array([-0.3, -1.0, 1.2]), UP)
         save(Image.fromarray(scene.shot(view, 760, 480).image), "trace-coupon")
 
 
@@ -400,10 +434,13 @@ def repair(folder):
         sheet.paste(shot.image, corner)
         sheet.text((450 * k + 225, height + 22), title, 20, anchor="mm")
         if k == 0:
-            for point, shift, name in ((ball.vertices.mean(0), -24, "separate piece"),
-                                       (front, 62, "hole")):  # fmt: skip
-                place = corner + shot.pixel(np.asarray(point)[None])[0]
-                sheet.text((place[0], place[1] + shift), name, 18, WIRE, "mm")
+            names = {"separate piece": ball.vertices.mean(0), "hole": front}
+            for name, (x, y) in zip(
+                names, shot.pixel(np.stack(list(names.values()))) + corner, strict=True
+            ):
+                is_hole = name == "hole"
+                place = (x - 26, y) if is_hole else (x + 10, y - 24)
+                sheet.text(place, name, 18, WIRE, "rm")
     save(Image.open(BytesIO(sheet.png())), "repair")
     del folder
 
