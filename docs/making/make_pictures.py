@@ -19,6 +19,7 @@ from pathlib import Path
 os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # works without a screen
 
 import numpy as np
+import pyvista as pv
 import trimesh
 from PIL import Image
 
@@ -40,6 +41,7 @@ UP = np.array([0.0, 0.0, 1.0])
 PART, OTHER, CUP = "#e58b98", "#4c9aa8", "#9fb0ba"
 CORD, WIRE, FERRULE, PIN, TRACE = "#161616", "#c1121f", "#c9a227", "#3a86ff", "#3b4a54"
 BAY = "[body.bay]\nat = [0, 0, 0]\nsize = [14, 7, 8]\n\n[material]"
+REGION_MM = 15.01  # depth of the regions base and tip
 RAIL_MM = 3.0  # height of a jig's rails above its surface
 CHECK_PORT = 8124
 WAIT_MS = 300_000
@@ -112,11 +114,19 @@ def make_poses(folder):
     run(folder, "simulate", "my-poses")
 
 
+def make_response(folder):
+    """Fit the response of simulated specimens."""
+    run(folder, "calibrate", "twin", "my-response", "--lengths", "150,200")
+    sessions = ("my-response/session-150", "my-response/session-200")
+    run(folder, "calibrate", "fit", *sessions, "--out", "my-response/response.json")
+
+
 MADE = {
     "my-joystick/build/guide.html": make_joystick,
     "my-cast/build/parts/manifest.json": make_cast,
     "my-bay/build/parts/manifest.json": make_bay,
     "my-poses/build/mesh.vtu": make_poses,
+    "my-response/response.html": make_response,
     "my-specimen": lambda folder: run(folder, "calibrate", "specimen", "my-specimen"),
     "my-coupon": lambda folder: run(folder, "calibrate", "coupon", "my-coupon"),
     "my-traces": lambda folder: run(
@@ -332,6 +342,12 @@ def specimen(folder):
     save_drawing(drawing, "specimen")
 
 
+def response(folder):
+    """Save the picture of the response in the page of a fit."""
+    page = (folder / "my-response/response.html").read_text(encoding="utf-8")
+    save(decode(re.search(r'src="(data:image/png[^"]*)"', page)[1]), "response")
+
+
 def coupon(folder):
     """Draw the fit coupon: a plate and the peg."""
     pieces = [read(p) for p in sorted((folder / "my-coupon").glob("*.stl"))]
@@ -365,8 +381,8 @@ def poses(folder):
         states = {w[pose]: k for k, w in enumerate(simulation.weights) if set(w) == {pose}}
         k = states[max(a for a in states if a <= 1)]
         shapes[pose] = simulation.nodes + simulation.displacements[k]
-    import pyvista as pv
-
+    low, high = (f([f(n, axis=0) for n in shapes.values()], axis=0) for f in (np.min, np.max))
+    corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
     cells = {pv.CellType.TETRA: simulation.cells[:, :4]}
     view = looking(np.array([-0.3, -1.0, 0.75]), UP)
     shots = []
@@ -376,14 +392,15 @@ def poses(folder):
         surface = Surface(np.asarray(skin.points), skin.faces.reshape(-1, 4)[:, 1:])
         with Scene() as scene:
             ends = simulation.nodes[:, 0]
-            low, high = ends.min() + 12, ends.max() - 12
+            low, high = ends.min() + REGION_MM, ends.max() - REGION_MM
             scene.solid(surface, "#d5dde2")
             for end, color in ((ends < low, "#8fa3b0"), (ends > high, "#e9a13b")):
                 chosen = np.asarray(end)[np.asarray(skin["vtkOriginalPointIds"])]
                 faces = surface.faces[chosen[surface.faces].all(1)]
                 patch = poly(Surface(surface.vertices, faces))
                 scene.mesh(patch, surface.vertices[np.unique(faces)], color=color)
-            scene.line(np.array([simulation.nodes.min(0)] * 2), "#ffffff", 1.0)
+            for corner in corners:  # all pictures have one scale
+                scene.line(np.stack([corner, corner + 1e-3]), "#ffffff", 1.0)
             shots.append((name, scene.shot(view, 300, 220)))
     columns, width, height = 3, 300, 250
     sheet = Sheet(columns * width, 2 * height)
@@ -474,7 +491,7 @@ def check(folder):
             if not line:
                 sys.exit("the check showed no page")
         browser = playwright.chromium.launch(executable_path=chromium, args=switches)
-        page = browser.new_page(viewport={"width": 900, "height": 560})
+        page = browser.new_page(viewport={"width": 900, "height": 330})
         page.goto(f"http://localhost:{CHECK_PORT}", timeout=WAIT_MS)
         page.get_by_text("Wiggle").first.wait_for(timeout=WAIT_MS)
         page.wait_for_timeout(1000)
@@ -486,15 +503,15 @@ def check(folder):
 PICTURES = {
     f.__name__.replace("_", "-"): f
     for f in (
-        opened, pins, insert, plate, mould, bay, specimen, coupon, trace_coupon, poses, repair,
-        character, check,
+        opened, pins, insert, plate, mould, bay, specimen, response, coupon, trace_coupon, poses,
+        repair, character, check,
     )
 }  # fmt: skip
 NEEDS = {
     "opened": "my-joystick", "pins": "my-joystick", "insert": "my-joystick",
     "plate": "my-joystick", "check": "my-joystick", "mould": "my-cast", "bay": "my-bay",
     "specimen": "my-specimen", "coupon": "my-coupon", "trace-coupon": "my-traces",
-    "poses": "my-poses",
+    "poses": "my-poses", "response": "my-response",
 }  # fmt: skip
 
 
