@@ -469,8 +469,10 @@ def character(folder):
     with Scene() as scene:
         scene.solid(surface, "#9db2bf", edges=False)
         image = Image.fromarray(scene.shot(view, 1100, 620).image)
-    image.thumbnail((450, 300), Image.Resampling.LANCZOS)
-    save(image, "character", 64)
+    image.thumbnail((450, 210), Image.Resampling.LANCZOS)
+    page = Image.new("RGB", (480, 240), "white")
+    page.paste(image, ((480 - image.width) // 2, (240 - image.height) // 2))
+    save(page, "character", 64)
     del folder
 
 
