@@ -187,7 +187,7 @@ def jig():
         return cx + radius * sin(radians(degrees)), cy - radius * cos(radians(degrees))
 
     svg.path(arc(r + h / 2), LOWER, h, stroke_linecap="butt")
-    svg.path(arc(r) + " L {:.1f},260 L {:.1f},260 Z".format(at(r, half)[0], at(r, -half)[0]),
+    svg.path(arc(r) + f" L {at(r, half)[0]:.1f},260 L {at(r, -half)[0]:.1f},260 Z",
              INK, 1.5, METAL)  # fmt: skip
     svg.path(arc(r + h), INK)
     for offset in (-30, 30):

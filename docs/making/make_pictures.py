@@ -38,6 +38,7 @@ from defsense_fab.store.build import Build
 HERE = Path(__file__).parent
 FIXTURES = HERE.parents[1] / "fixtures" / "devices"
 UP = np.array([0.0, 0.0, 1.0])
+UNTURNED = np.eye(3)
 PART, OTHER, CUP = "#e58b98", "#4c9aa8", "#9fb0ba"
 CORD, WIRE, FERRULE, PIN, TRACE = "#161616", "#c1121f", "#c9a227", "#3a86ff", "#3b4a54"
 BAY = "[body.bay]\nat = [0, 0, 0]\nsize = [14, 7, 8]\n\n[material]"
@@ -141,7 +142,7 @@ def read(path):
     return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
 
-def move(surface, shift, rotation=np.eye(3)):
+def move(surface, shift, rotation=UNTURNED):
     """Return a surface, rotated about the origin and then shifted."""
     return Surface(surface.vertices @ rotation.T + shift, surface.faces)
 
