@@ -64,6 +64,16 @@ def make_joystick(folder):
     run(folder, "build", "my-joystick")
 
 
+def make_bar(folder):
+    """Build the bar, whose cords are in several planes, with a coarse mesh."""
+    changes = [
+        ("edge_length = 8.0", "edge_length = 12.0"),
+        ("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [1.0]"),
+        ("markers = 40", "markers = 8"),
+    ]
+    make_changed(folder, "my-bar", "bar", changes, "build")
+
+
 def make_changed(folder, name, start, changes, *words):
     """Copy a device, replace texts of its device.toml, and run a command with it."""
     shutil.copytree(FIXTURES / start, folder / name, ignore=shutil.ignore_patterns("build"))
@@ -124,6 +134,7 @@ def make_response(folder):
 
 MADE = {
     "my-joystick/build/guide.html": make_joystick,
+    "my-bar/build/guide.html": make_bar,
     "my-cast/build/parts/manifest.json": make_cast,
     "my-bay/build/parts/manifest.json": make_bay,
     "my-poses/build/mesh.vtu": make_poses,
@@ -219,14 +230,19 @@ def opened(folder):
     save_drawing(drawing, "opened")
 
 
-def from_guide(folder, start, name):
-    """Save the picture of the joystick's assembly guide whose text starts with some words."""
-    page = (folder / "my-joystick/build/guide.html").read_text(encoding="utf-8")
+def from_guide(folder, start, name, device="my-joystick"):
+    """Save the picture of a device's assembly guide whose text starts with some words."""
+    page = (folder / device / "build/guide.html").read_text(encoding="utf-8")
     for tag in re.findall(r'<img[^>]*src="data:image/png[^>]*>', page):
         if f'alt="{start}' in tag:
             save(decode(re.search(r'src="([^"]*)"', tag)[1]), name)
             return
     raise ValueError(f"no picture: {start}")
+
+
+def exploded(folder):
+    """Save the guide's exploded view of the bar."""
+    from_guide(folder, "exploded", "exploded", "my-bar")
 
 
 def pins(folder):
@@ -506,12 +522,12 @@ def check(folder):
 PICTURES = {
     f.__name__.replace("_", "-"): f
     for f in (
-        opened, pins, insert, plate, mould, bay, specimen, response, coupon, trace_coupon, poses,
+        opened, exploded, pins, insert, plate, mould, bay, specimen, response, coupon, trace_coupon, poses,
         repair, character, check,
     )
 }  # fmt: skip
 NEEDS = {
-    "opened": "my-joystick", "pins": "my-joystick", "insert": "my-joystick",
+    "exploded": "my-bar", "opened": "my-joystick", "pins": "my-joystick", "insert": "my-joystick",
     "plate": "my-joystick", "check": "my-joystick", "mould": "my-cast", "bay": "my-bay",
     "specimen": "my-specimen", "coupon": "my-coupon", "trace-coupon": "my-traces",
     "poses": "my-poses", "response": "my-response",
