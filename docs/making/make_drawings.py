@@ -220,7 +220,7 @@ def piece():
         svg.path(f"M{x + 22},{y - 15} v30 M{x + 58},{y - 15} v30", INK, 1)
     svg.label(180, 40, "ferrule, crimped", (180, y - 15), "middle")
     svg.label(380, 40, "conductive rubber cord", (380, y - 8), "middle")
-    svg.label(660, 40, "wire", (668, y - 10), "middle")
+    svg.label(660, 40, "wire", (668, y + 1), "middle")
     for x in (180, 580):
         svg.path(f"M{x},{y + 20} V{y + 62}", SOFT, 1)
     svg.arrow((180, y + 52), (580, y + 52), both=True)
