@@ -522,8 +522,8 @@ def check(folder):
 PICTURES = {
     f.__name__.replace("_", "-"): f
     for f in (
-        opened, exploded, pins, insert, plate, mould, bay, specimen, response, coupon, trace_coupon, poses,
-        repair, character, check,
+        opened, exploded, pins, insert, plate, mould, bay, specimen, response, coupon,
+        trace_coupon, poses, repair, character, check,
     )
 }  # fmt: skip
 NEEDS = {
