@@ -1,4 +1,4 @@
-"""Draw the wirings of `docs/boards.md`.
+"""Draw the wirings of the pages on read-out boards.
 
 python docs/boards/make_pictures.py
 """

@@ -1,4 +1,4 @@
-"""Draw the pictures of `docs/printed.md`: traces in a transparent body, and all kinds of pads.
+"""Draw traces in a transparent body and all kinds of pads, for the pages on printed sensors.
 
 python docs/printed/make_pictures.py
 """

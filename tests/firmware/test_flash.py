@@ -59,7 +59,7 @@ def test_empty_board_runs_the_firmware(arduino, boot_loader):
     running = start(boot_loader)
     started_at = time.monotonic()
     result = write_anyway(running)
-    print(f"{boot_loader}: {time.monotonic() - started_at:.1f} s")  # for docs/boards.md
+    print(f"{boot_loader}: {time.monotonic() - started_at:.1f} s")
     assert (result.version, result.previous, result.channels) == (VERSION, "", 8)
     assert result.boot_loader.baud == BAUD_RATES[boot_loader]
     assert flash_board(None, FlashOptions(port=running.url)).boot_loader is None

@@ -48,7 +48,8 @@ def _check(
 
     Args:
         device: Choose the folder of the device, which is built.
-        port: Set the port of the read-out board; faults of the twin are listed in docs/boards.md.
+        port: Set the port of the read-out board; faults of the twin are listed in
+            docs/board-reference.md.
         auto: Start each step without a key.
         view: Show the steps in the browser, too, on this port.
     """

@@ -24,7 +24,7 @@ SLICE = (
 trace_coupon = command("trace-coupon", "defsense calibrate trace-coupon my-traces --trace eel")
 resistivity = command(
     "resistivity",
-    "defsense calibrate resistivity my-traces --ohm 7900,2650,3950,1640,3020,5100",
+    "defsense calibrate resistivity my-traces --ohm 7710,2600,3870,1550,1600,4930,3310",
     "defsense calibrate resistivity my-traces --readings readings.csv",
 )
 

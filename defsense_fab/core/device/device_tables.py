@@ -40,7 +40,7 @@ class BayTable(Table, frozen=True):
         Vector,
         key(
             "Point of the skin around which the bay opens; meshes, poses and cords keep to the"
-            " body with it, and wires end in it (`docs/fabrication.md`).",
+            " body with it, and wires end in it (`docs/wires.md`).",
             unit="mm",
         ),
     ]
@@ -327,7 +327,8 @@ class WiresTable(Table, frozen=True):
         str | None,
         key(
             "Pads in which printed traces end, for a `screw` with a washer, an `eyelet` below a"
-            " screw, a `spring-pin`, or conductive `thread` (`docs/printed.md` has drawings).",
+            " screw, a `spring-pin`, or conductive `thread` (`docs/printed-reference.md` has"
+            " drawings).",
             default=f"`{next(iter(PADS))}` with printed traces",
             choices=PADS,
         ),

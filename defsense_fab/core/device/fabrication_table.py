@@ -71,7 +71,7 @@ class FabricationTable(Table, frozen=True):
         str,
         key(
             "How cords are built in: `held` at their ends, so that they slide between them, or"
-            " `bonded` into their grooves along their whole length (`docs/fabrication.md`).",
+            " `bonded` into their grooves along their whole length (`docs/held-or-bonded.md`).",
             choices=ASSEMBLIES,
         ),
     ] = ASSEMBLIES[0]

@@ -33,7 +33,7 @@ class Quantity:
     """A number of a filament.
 
     Attributes:
-        value: The number, in the unit that `QUANTITIES` has in `docs/printed.md`.
+        value: The number, in the unit that `QUANTITIES` has in `docs/printed-reference.md`.
         basis: Evidence for it, a name in `BASES`.
         source: Where it comes from.
     """

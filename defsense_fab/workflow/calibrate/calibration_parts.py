@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 COUPON_FILE, SPECIMEN_FILE = "coupon.json", "specimen.json"
 #: Explanation for processes that cast their parts.
 NO_MOULD = (
-    "casts parts in printed molds, and the coupon has no mold: the clearance of a printed coupon"
+    "casts parts in printed moulds, and the coupon has no mould: the clearance of a printed coupon"
     " does not hold for cast grooves. Cast the smallest part of the device first, insert cord into"
     " its groove and a pin into its socket, and set [fabrication] clearance accordingly"
 )
@@ -273,7 +273,7 @@ class Printer:
         clearance: Clearance of a cord in its channel, on the diameter, mm.
         wall: Smallest wall thickness, mm.
         bed: Size of the print bed, mm.
-        kind: "print", or "cast" where it prints molds.
+        kind: "print", or "cast" where it prints moulds.
     """
 
     name: str
