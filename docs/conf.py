@@ -43,12 +43,13 @@ def _links(_app, _docname, source):
 
 def setup(app):
     """Sphinx calls this."""
-    from file_reference import FileKeys, MaterialsOfProcesses, write_schemas
+    from file_reference import FileKeys, Glues, MaterialsOfProcesses, write_schemas
     from python_reference import PythonNames
 
     app.connect("source-read", _links)
     app.connect("build-finished", write_schemas)
     app.add_directive("file-keys", FileKeys)
+    app.add_directive("glues", Glues)
     app.add_directive("materials-of-processes", MaterialsOfProcesses)
     app.add_directive("python-names", PythonNames)
     return {"parallel_read_safe": True}

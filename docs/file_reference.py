@@ -1,8 +1,8 @@
 """Parts of the guide that come from declared files and from tables in the package.
 
 A page shows the keys of a file where it has ```{file-keys} device```, and the materials of each
-process where it has ```{materials-of-processes}```. The JSON Schema of each file
-is written to `schemas/` next to the pages.
+process where it has ```{materials-of-processes}```, and the glues where it has ```{glues}```. The
+JSON Schema of each file is written to `schemas/` next to the pages.
 """
 
 import json
@@ -12,6 +12,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from defsense_fab.core.device.device_file import DeviceFile
 from defsense_fab.core.device.materials import list_materials
+from defsense_fab.core.progress import describe_duration
 from defsense_fab.core.schema.reference import json_schema, markdown
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.runtime.outputs.live_file import LiveFile
@@ -50,6 +51,31 @@ class MaterialsOfProcesses(SphinxDirective):
         for process in read_rows("printers.csv"):
             materials = ", ".join(f"`{name}`" for name in list_materials(process))
             lines.append(f"| `{process}` | {materials} |")
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
+class Glues(SphinxDirective):
+    """A table of the kinds of glue with the materials that each joins, in place of the directive."""
+
+    def run(self):
+        """Return the table as nodes; Sphinx calls this."""
+        lines = [
+            "| glue | example | close within | press for | full strength | materials |",
+            "|---|---|---|---|---|---|",
+        ]
+        for name, glue in read_rows("glues.csv").items():
+            times = [
+                describe_duration(seconds)
+                for seconds in (
+                    60 * float(glue["open_minutes"]),
+                    3600 * float(glue["press_hours"]),
+                    3600 * float(glue["cure_hours"]),
+                )
+            ]
+            rows = read_rows("materials.csv").items()
+            materials = ", ".join(f"`{n}`" for n, row in rows if row["glue"] == name)
+            cells = [glue["kind"], glue["example"], *times, materials or "bonded cords"]
+            lines.append(f"| {' | '.join(cells)} |")
         return self.parse_text_to_nodes("\n".join(lines))
 
 

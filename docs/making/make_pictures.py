@@ -255,6 +255,11 @@ def insert(folder):
     from_guide(folder, "Insert cord", "insert")
 
 
+def closing(folder):
+    """Save the guide's picture of a joint that is closed, with its red lines."""
+    from_guide(folder, "Prepare the faces", "closing")
+
+
 def plate(folder):
     """Draw the plate of the joystick on its bed."""
     device, build = load_device(folder / "my-joystick"), Build(folder / "my-joystick/build")
@@ -522,12 +527,13 @@ def check(folder):
 PICTURES = {
     f.__name__.replace("_", "-"): f
     for f in (
-        opened, exploded, pins, insert, plate, mould, bay, specimen, response, coupon,
+        opened, exploded, pins, insert, closing, plate, mould, bay, specimen, response, coupon,
         trace_coupon, poses, repair, character, check,
     )
 }  # fmt: skip
 NEEDS = {
     "exploded": "my-bar", "opened": "my-joystick", "pins": "my-joystick", "insert": "my-joystick",
+    "closing": "my-joystick",
     "plate": "my-joystick", "check": "my-joystick", "mould": "my-cast", "bay": "my-bay",
     "specimen": "my-specimen", "coupon": "my-coupon", "trace-coupon": "my-traces",
     "poses": "my-poses", "response": "my-response",
