@@ -24,6 +24,7 @@ import pypdfium2
 from PIL import Image
 from playwright.sync_api import sync_playwright
 from rich.console import Console
+from rich.terminal_theme import SVG_EXPORT_THEME
 
 from defsense_fab.cli.terminal.guided_screen import pages
 from defsense_fab.core.device.device_file import load_device
@@ -55,6 +56,9 @@ MADE = {  # what is there once a command has been typed
     ),
     "my-cameras/board.pdf": ("capture", "board", "my-cameras"),
     "rehearsal.html": ("capture", "camera", "calibrate", "twin", *REHEARSAL),
+    "filmed/report.html": (
+        "twin", BAR, "--minutes", "0.7", "--cameras", "webcam", "--out", "filmed",
+    ),
     "bend.npz": (
         "run", MODEL, "--port", "twin", "--seconds", "25", "--animation", "bend.npz", "--no-record",
     ),
@@ -79,6 +83,17 @@ def screenshot(page, name, height=None, colors=COLORS):
     save(image, name, colors)
 
 
+def figure(page, path, name, width):
+    """Save a figure of an evaluation with a width in pixels."""
+    svg = path.read_text(encoding="utf-8")
+    page.set_viewport_size({"width": width, "height": 400})
+    page.set_content(
+        f"<body style='margin:0'>{svg[svg.index('<svg'):]}</body>"
+        "<style>svg{width:100%;height:auto;display:block}</style>"
+    )
+    save(Image.open(BytesIO(page.locator("svg").first.screenshot(timeout=WAIT))), name, 64)
+
+
 def pdf_page(path, number, width):
     """Return a page of a PDF as an image."""
     document = pypdfium2.PdfDocument(path)
@@ -88,11 +103,11 @@ def pdf_page(path, number, width):
 
 def sheets(_page, folder):
     """Draw the sheet of tags and the board, next to each other."""
-    tags = pdf_page(folder / BAR / "markers/markers.pdf", 0, 440)
-    board = pdf_page(folder / "my-cameras/board.pdf", 0, 540)
-    image = Image.new("RGB", (WIDTH, tags.height + 8), "#8a97a3")
-    image.paste(tags, (4, 4))
-    image.paste(board, (tags.width + 12, 4))
+    board = pdf_page(folder / "my-cameras/board.pdf", 0, 650)
+    tags = pdf_page(folder / BAR / "markers/markers.pdf", 0, 650 / 2)
+    image = Image.new("RGB", (WIDTH, board.height + 16), "#8a97a3")
+    image.paste(tags, (8, 8))
+    image.paste(board, (tags.width + 16, 8))
     save(image, "sheets", 32)
 
 
@@ -113,7 +128,7 @@ def cameras(page, folder):
     """Take the report of a calibration."""
     page.set_viewport_size({"width": WIDTH, "height": 860})
     page.goto((folder / "rehearsal.html").absolute().as_uri())
-    screenshot(page, "cameras", 860, 64)
+    screenshot(page, "cameras", 770, 64)
 
 
 class ViewTaker:
@@ -152,12 +167,11 @@ def recording(page, folder):
             device, ("twin:webcam,seed=1,cameras=2",), "twin", RECORDED,
             open_screen=lambda _: taker, auto=True,
         )  # fmt: skip
-        subprocess.run(defsense("capture", "process", "recorded"), check=True)
     console = Console(record=True, width=118, file=StringIO(), color_system="truecolor")
     console.print(next(pages(taker.view, console.width)))
-    html = console.export_html(inline_styles=True)
+    html = console.export_html(theme=SVG_EXPORT_THEME, inline_styles=True)
     style = (
-        "<style>body{margin:12px;background:#101418;color:#dfe6ec}"
+        "<style>body{margin:12px!important}"
         "pre{font:14px/1.12 'DejaVu Sans Mono'!important}</style>"
     )
     page.set_viewport_size({"width": WIDTH, "height": 720})
@@ -173,11 +187,11 @@ def recording(page, folder):
 
 
 def session(page, folder):
-    """Take the report of the session that was recorded."""
+    """Take the report of a session that was filmed by simulated cameras."""
     page.set_viewport_size({"width": WIDTH, "height": 900})
-    page.goto((folder / "recorded/report.html").absolute().as_uri())
+    page.goto((folder / "filmed/report.html").absolute().as_uri())
     page.locator("img").nth(1).scroll_into_view_if_needed()
-    screenshot(page, "session", 1180)
+    screenshot(page, "session", 940, 96)
 
 
 def evaluation(page, folder):
@@ -185,10 +199,10 @@ def evaluation(page, folder):
     page.set_viewport_size({"width": WIDTH, "height": 900})
     page.goto((folder / DEVICE / "evaluation/evaluation.html").absolute().as_uri())
     screenshot(page, "evaluation", 900)
-    shutil.copy(folder / DEVICE / "evaluation/paths.svg", HERE / "predicted.svg")
+    figure(page, folder / DEVICE / "evaluation/paths.svg", "predicted", 820)
 
 
-def own_sensor(_page, folder):
+def own_sensor(page, folder):
     """Train a sensor on two tables, and take the figure of its values."""
     if not (folder / "own.json").exists():
         write_tables(folder)
@@ -197,7 +211,7 @@ def own_sensor(_page, folder):
     if not done.exists():
         words = ("evaluate", "own.json", *OWN, "--out", "own-evaluation")
         subprocess.run(defsense(*words), cwd=folder, check=True)
-    shutil.copy(done / "values.svg", HERE / "own-sensor.svg")
+    figure(page, done / "values.svg", "own-sensor", 820)
 
 
 def write_tables(folder):
