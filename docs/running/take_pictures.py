@@ -63,10 +63,10 @@ MADE = {  # what is there once a command has been typed
         "run", MODEL, "--port", "twin", "--seconds", "25", "--animation", "bend.npz", "--no-record",
     ),
 }  # fmt: skip
-POSE_STEP, POSE_SECONDS = 1, 4.0  # when the screen of the recording is taken
+POSE_STEP, POSE_PROGRESS = 1, 0.7  # when the screen of the recording is taken
 COLORS = 256
 WIDTH = 1000  # pixels
-RECORDED = RecordOptions(rounds=1, seconds=6.0, free=8.0, rest=4.0, out=Path("recorded"))
+RECORDED = RecordOptions(rounds=1, seconds=10.0, free=2.0, rest=4.0, out=Path("recorded"))
 
 
 def save(image, name, colors=COLORS):
@@ -150,11 +150,11 @@ class ViewTaker:
         time.sleep(timeout)
 
     def show(self, view):
-        """Keep the state in which most of the step of a pose has passed."""
+        """Keep the last state of a pose's step in which all cameras gave an image."""
         is_pose = view.state.phase == "active" and view.state.step == POSE_STEP
-        if is_pose and view.progress * RECORDED.seconds < POSE_SECONDS:
-            self.view = view
-            self.pictures = [part for part in view.parts if isinstance(part, Picture)]
+        pictures = [part for part in view.parts if isinstance(part, Picture)]
+        if is_pose and view.progress < POSE_PROGRESS and all(p.image is not None for p in pictures):
+            self.view, self.pictures = view, pictures
 
 
 def recording(page, folder):
@@ -252,7 +252,7 @@ def fallback(page, folder):
 def websocket(page, folder):
     """Take the page of the WebSocket output."""
     words = ("run", MODEL, "--device", DEVICE, "--port", "twin", "--no-record")
-    page.set_viewport_size({"width": WIDTH, "height": 560})
+    page.set_viewport_size({"width": WIDTH, "height": 545})
     with page_of(folder, *words, "--output", f"websocket,port={PORT}") as url:
         page.goto(url, timeout=WAIT)
         page.wait_for_timeout(9000)
