@@ -14,6 +14,8 @@ from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Rectangl
 
 from defsense_fab.capture.tags.tag_patterns import dictionary
 from defsense_fab.decoding.error_scale import USABLE_SHARE, VERY_GOOD_SHARE
+from defsense_fab.runtime.controls.control_spec import Shaping
+from defsense_fab.runtime.outputs.settings import MidiMapping
 from defsense_fab.twin.electronics.rubber_cords import (
     CORD_FAMILIES,
     RubberPieces,
@@ -251,6 +253,71 @@ def draw_outputs():
     return figure
 
 
+def draw_control():
+    """Draw how the keys of a control change its value."""
+    figure = Figure((WIDTH, 2.9), layout="constrained")
+    panels = figure.subplots(1, 3)
+    x = np.linspace(-1, 1, 401)
+    examples = (
+        ("default", Shaping()),
+        ("dead_zone = 0.2, full = 0.8", Shaping(dead_zone=0.2, full=0.8)),
+        ("minimum = -1, curve = 2", Shaping(minimum=-1.0, curve=2.0)),
+    )
+    for axes, (title, shaping) in zip(panels, examples, strict=True):
+        axes.plot(x, [shaping(v) for v in x], color=REAL, lw=2)
+        axes.axhline(0, color=SOFT, lw=0.7)
+        axes.axvline(0, color=SOFT, lw=0.7)
+        axes.set(xlim=(-1, 1), ylim=(-1.05, 1.05), xticks=(-1, 0, 1), yticks=(-1, 0, 1))
+        axes.set_title(title, fontsize=9, family="monospace")
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.set_xlabel("value of the formula", fontsize=10)
+        axes.tick_params(labelsize=9)
+    panels[0].set_ylabel("control", fontsize=10)
+    return figure
+
+
+def draw_note():
+    """Draw when a control starts and ends a note."""
+    figure, axes = new_figure(2.5, ((-1.3, 10.2), (-0.62, 1.12)))
+    t = np.linspace(0, 10, 500)
+    y = 0.36 * (1 - np.cos(2 * np.pi * t / 5)) + 0.1 * np.sin(t * 3.1) * np.sin(t / 3)
+    mapping = MidiMapping("squeeze", note=60)
+    high, low = mapping.threshold, mapping.threshold - mapping.hysteresis
+    axes.plot(t, y, color=REAL, lw=2)
+    labels = ((high, "threshold", "bottom"), (low, "threshold - hysteresis", "top"))
+    for level, text, side in labels:
+        axes.plot((0, 10), (level, level), color=SOFT, lw=1, ls=(0, (4, 3)))
+        axes.text(-0.1, level, f"{level:.1f}", ha="right", va="center", color=SOFT, fontsize=9)
+        axes.text(0.02, level, text, va=side, color=SOFT, fontsize=9)
+    sounds, started = False, 0.0
+    for now, value in zip(t, y, strict=True):
+        if not sounds and value > high:
+            sounds, started = True, now
+        elif sounds and value < low:
+            sounds = False
+            box(axes, started, -0.45, now - started, 0.22, "note", color="#f6e3c8", fontsize=10)
+    axes.text(-0.1, 0.0, "control", ha="right", va="center", color=REAL)
+    axes.text(-0.1, -0.34, "MIDI", ha="right", va="center")
+    return figure
+
+
+def draw_motion_capture():
+    """Draw which files of a motion capture system and of the board are combined."""
+    figure, axes = new_figure(2.3, ((0, 16), (0, 4.6)))
+    box(axes, 0.1, 2.7, 4.2, 1.4, "motion capture:\nwhere the markers are", color="#dfe9f5")
+    box(axes, 0.1, 0.4, 4.2, 1.4, "read-out board:\nresistances of the cords", color="#dfe9f5")
+    box(axes, 5.4, 3.0, 2.6, 0.8, "take.c3d", color="#f6e3c8", family="monospace", fontsize=10)
+    box(axes, 5.4, 0.7, 2.6, 0.8, "session", color="#f6e3c8", family="monospace", fontsize=10)
+    box(axes, 9.4, 1.55, 3.4, 1.4, "capture process:\ncompares the clocks", color="#dfe9f5")
+    arrow(axes, (4.35, 3.4), (5.35, 3.4))
+    arrow(axes, (4.35, 1.1), (5.35, 1.1))
+    arrow(axes, (8.05, 3.4), (9.35, 2.6))
+    arrow(axes, (8.05, 1.1), (9.35, 1.9))
+    arrow(axes, (12.85, 2.25), (13.7, 2.25))
+    box(axes, 13.75, 1.85, 2.1, 0.8, "train", color="#f6e3c8", family="monospace", fontsize=10)
+    return figure
+
+
 #: Cycles of an ideal signal, of which the last one is drawn.
 CYCLE_S, CYCLES, RATE_HZ, LARGEST_SIGNAL = 10.0, 6, 50.0, 0.2
 
@@ -293,6 +360,9 @@ DRAWINGS = {
     "depth": draw_depth,
     "outputs": draw_outputs,
     "families": draw_families,
+    "control": draw_control,
+    "note": draw_note,
+    "motion-capture": draw_motion_capture,
 }
 
 
