@@ -86,7 +86,9 @@ def draw_error():
     arrow(axes, (11.2, 4.6), real[1, 59] / 2 + shown[1, 59] / 2 + (0.1, 0), BAD)
     axes.text(11.3, 4.7, "distance of a point:\nits error", color=BAD, va="bottom")
     axes.text(-0.35, -1.1, "held", ha="center", va="top", color=INK)
-    axes.text(4.4, -1.35, "Error of the surface = root mean square of all these distances", color=INK)
+    axes.text(
+        4.4, -1.35, "Error of the surface = root mean square of all these distances", color=INK
+    )
     return figure
 
 
@@ -156,7 +158,9 @@ def draw_folds():
             color, text = (SHOWN, "predicted") if is_tested else ("#cfdcec", "fitted")
             axes.add_patch(Rectangle((1.4 * k, y0), 1.4, 0.72, fc=color, ec="white", lw=2))
             ink = "white" if is_tested else INK
-            axes.text(1.4 * k + 0.7, y0 + 0.35, text, ha="center", va="center", color=ink, fontsize=10)
+            axes.text(
+                1.4 * k + 0.7, y0 + 0.35, text, ha="center", va="center", color=ink, fontsize=10
+            )
     axes.plot((7, 7), (-0.3, 3.9), color=INK, lw=1, ls=(0, (4, 3)))
     axes.add_patch(Rectangle((7.05, 0.35), 2.95, 1.92, fc="#e3efe6", ec=GOOD, lw=1))
     axes.text(8.5, 1.3, "test:\nnever used\nfor training", ha="center", va="center", color=INK)
@@ -192,7 +196,12 @@ def draw_tag_margin():
         draw_tag(axes, x + 2 - 3 * cell, 1.65 - 3 * cell, cell, margin=0.0 if k == 1 else 1.0)
         if k == 2:
             finger = FancyBboxPatch(
-                (x + 2.55, 0.1), 0.75, 1.7, boxstyle="round,pad=0,rounding_size=0.36", fc="#e6b899", lw=0
+                (x + 2.55, 0.1),
+                0.75,
+                1.7,
+                boxstyle="round,pad=0,rounding_size=0.36",
+                fc="#e6b899",
+                lw=0,
             )
             axes.add_patch(finger)
         mark, color = ("found", GOOD) if k == 0 else ("not found", BAD)
@@ -222,12 +231,16 @@ def draw_depth():
             axes.plot(*zip(eye + 0.12, tag, strict=True), color=REAL, lw=1.1)
         size = (0.22, 0.28) if len(sources) > 1 else (1.25, 0.2)
         angle = np.linspace(0, 2 * np.pi, 60)
-        axes.fill(tag[0] + size[0] * np.cos(angle), tag[1] + size[1] * np.sin(angle), color="#f3c48a")
+        axes.fill(
+            tag[0] + size[0] * np.cos(angle), tag[1] + size[1] * np.sin(angle), color="#f3c48a"
+        )
         axes.add_patch(Circle(tag, 0.09, color=INK))
         title = "several cameras" if len(sources) > 1 else "one camera"
         axes.text(left + 0.2, 4.75, title, weight="bold", va="center")
     axes.text(5.5, 0.85, "lines of sight\ncross at the tag", ha="center", va="center", fontsize=10)
-    axes.text(13.9, 0.85, "distance only from\nthe size of the tag", ha="center", va="center", fontsize=10)
+    axes.text(
+        13.9, 0.85, "distance only from\nthe size of the tag", ha="center", va="center", fontsize=10
+    )
     axes.text(8.0, -0.1, "orange: where the tag may be", ha="center", color=SOFT, fontsize=10)
     return figure
 
@@ -284,11 +297,11 @@ def draw_note():
     mapping = MidiMapping("squeeze", note=60)
     high, low = mapping.threshold, mapping.threshold - mapping.hysteresis
     axes.plot(t, y, color=REAL, lw=2)
-    labels = ((high, "threshold", "bottom"), (low, "threshold - hysteresis", "top"))
-    for level, text, side in labels:
+    labels = ((high, "threshold", 4.3, "bottom"), (low, "threshold - hysteresis", 6.6, "top"))
+    for level, text, x, side in labels:
         axes.plot((0, 10), (level, level), color=SOFT, lw=1, ls=(0, (4, 3)))
         axes.text(-0.1, level, f"{level:.1f}", ha="right", va="center", color=SOFT, fontsize=9)
-        axes.text(0.02, level, text, va=side, color=SOFT, fontsize=9)
+        axes.text(x, level, text, va=side, color=SOFT, fontsize=9)
     sounds, started = False, 0.0
     for now, value in zip(t, y, strict=True):
         if not sounds and value > high:

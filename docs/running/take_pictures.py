@@ -79,7 +79,9 @@ def save(image, name, colors=COLORS):
 def screenshot(page, name, height=None, colors=COLORS):
     """Save the page, or its top."""
     clip = None if height is None else {"x": 0, "y": 0, "width": WIDTH, "height": height}
-    image = Image.open(BytesIO(page.screenshot(timeout=WAIT, clip=clip, full_page=clip is not None)))
+    image = Image.open(
+        BytesIO(page.screenshot(timeout=WAIT, clip=clip, full_page=clip is not None))
+    )
     save(image, name, colors)
 
 
@@ -88,7 +90,7 @@ def figure(page, path, name, width):
     svg = path.read_text(encoding="utf-8")
     page.set_viewport_size({"width": width, "height": 400})
     page.set_content(
-        f"<body style='margin:0'>{svg[svg.index('<svg'):]}</body>"
+        f"<body style='margin:0'>{svg[svg.index('<svg') :]}</body>"
         "<style>svg{width:100%;height:auto;display:block}</style>"
     )
     save(Image.open(BytesIO(page.locator("svg").first.screenshot(timeout=WAIT))), name, 64)
@@ -171,8 +173,7 @@ def recording(page, folder):
     console.print(next(pages(taker.view, console.width)))
     html = console.export_html(theme=SVG_EXPORT_THEME, inline_styles=True)
     style = (
-        "<style>body{margin:12px!important}"
-        "pre{font:14px/1.12 'DejaVu Sans Mono'!important}</style>"
+        "<style>body{margin:12px!important}pre{font:14px/1.12 'DejaVu Sans Mono'!important}</style>"
     )
     page.set_viewport_size({"width": WIDTH, "height": 720})
     page.set_content(html.replace("</head>", style + "</head>"))
@@ -183,7 +184,9 @@ def recording(page, folder):
     for k, image in enumerate(images):
         wide.paste(image.resize((496, wide.height)), (504 * k, 0))
     save(wide, "twin-cameras", 128)
-    save(images[0].resize((700, round(700 * images[0].height / images[0].width))), "twin-camera", 96)
+    save(
+        images[0].resize((700, round(700 * images[0].height / images[0].width))), "twin-camera", 96
+    )
 
 
 def session(page, folder):
@@ -272,7 +275,6 @@ def animation(_page, folder):
         if len(frames) == 4:
             break
     view = looking(np.array([0.5, -1.0, 0.45]), np.array([0, 0, 1.0]))
-    low, high = positions.min(axis=(0, 1)), positions.max(axis=(0, 1))
     images = []
     for shape in [rest, *(positions[f] for f in sorted(frames))]:
         with Scene() as scene:
