@@ -155,7 +155,9 @@ class ViewTaker:
         """Keep the last state of a pose's step in which all cameras gave an image."""
         is_pose = view.state.phase == "active" and view.state.step == POSE_STEP
         pictures = [part for part in view.parts if isinstance(part, Picture)]
-        if is_pose and view.progress < POSE_PROGRESS and all(p.image is not None for p in pictures):
+        is_complete = all(p.image is not None for p in pictures)
+        is_better = self.view is None or len(view.notes) <= len(self.view.notes)
+        if is_pose and view.progress < POSE_PROGRESS and is_complete and is_better:
             self.view, self.pictures = view, pictures
 
 
@@ -194,7 +196,7 @@ def session(page, folder):
     page.set_viewport_size({"width": WIDTH, "height": 900})
     page.goto((folder / "filmed/report.html").absolute().as_uri())
     page.locator("img").nth(1).scroll_into_view_if_needed()
-    screenshot(page, "session", 940, 96)
+    screenshot(page, "session", 850, 96)
 
 
 def evaluation(page, folder):
