@@ -65,8 +65,10 @@ _SHORT = "my-device/model.json --port twin --seconds 5 --json"
 #: What other pages say to type, and what is run for it where that needs hardware or takes long: the
 #: same command with a twin for the port, less time, or names of what is there ("": as it stands).
 ELSEWHERE = {
-    "capture": {
+    "tags": {
         "capture board my-cameras --measured 29.95": "",
+    },
+    "cameras": {
         "capture camera calibrate twin --board my-cameras --calibration rehearsal.toml":
             f"capture camera calibrate twin {_REHEARSAL} --views 12",
         "capture camera arrange twin --board my-cameras --calibration rehearsal.toml":

@@ -115,7 +115,7 @@ def read_live_file(path: Path) -> LiveSettings:
             "no such file",
             code="file-not-found",
             where=path,
-            action="Give a live.toml (docs/live-outputs.md)",
+            action="Give a live.toml (docs/live-toml.md)",
         )
     document = load_document(path, OutputError)
     declared = document.read(LiveFile)

@@ -47,7 +47,7 @@ class FilmTraits:
         "calibration",
         "1",
         "error of the focal lengths, standard deviation",
-        "the twin's own boards, calibrated (docs/capture.md)",
+        "the twin's own boards, calibrated (docs/cameras.md)",
     )
     center: float = assume(
         1.0, "calibration", "px", "error of the principal points, standard deviation"

@@ -387,7 +387,8 @@ CORD_KINDS = {
     "ecord": CordKind(
         "ready-made conductive rubber cord",
         "the cord of defsense twin: a stretch adds resistance that heals within a minute, friction"
-        " takes 12 % of a change, and the first stretch responds by 12 % more (docs/twin.md)",
+        " takes 12 % of a change, and the first stretch responds by 12 % more"
+        " (docs/twin-assumptions.md)",
         RubberTraits(),
     ),
     "etpu": CordKind(
