@@ -65,9 +65,14 @@ class HeldRecord:
         return f"{_short(self.torque / _N_MM_PER_N_M)} N m"
 
     def describe(self) -> str:
-        """Return force and torque, as in "1.3 N at 'tip', 0.10 N m"."""
-        torque = f", {_short(self.torque / _N_MM_PER_N_M)} N m" if self.torque > 0 else ""
-        return f"{_short(abs(self.push))} N at {self.place!r}{torque}"
+        """Return force and torque, as in "1.3 N at 'tip', 0.10 N m".
+
+        Where it is easier to turn the place than to push it, only the torque is stated.
+        """
+        torque = f"{_short(self.torque / _N_MM_PER_N_M)} N m"
+        if self.need == torque:
+            return f"{torque} at {self.place!r}"
+        return f"{_short(abs(self.push))} N at {self.place!r}{f', {torque}' if self.torque else ''}"
 
 
 @dataclass(frozen=True)

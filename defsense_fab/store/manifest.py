@@ -22,6 +22,8 @@ from .layout import Prediction
 from .traces import TraceRecord as TraceRecord
 
 FOLDER, MANIFEST = "parts", "parts/manifest.json"
+#: Smallest distance from an open wall that a hand with a glue bottle can keep, mm.
+MIN_GLUELESS_REACH_MM = 2.0
 #: Names of a cord's ends, in their order in the records.
 END_NAMES = ("start", "end")
 
@@ -299,6 +301,11 @@ class GluelessSpot:
     cord: str
     at: Float
     length: float
+
+    @property
+    def reach(self) -> float:
+        """Distance from `at` that must stay free of glue, mm."""
+        return max(self.length / 2, MIN_GLUELESS_REACH_MM)
 
 
 @dataclass(frozen=True)

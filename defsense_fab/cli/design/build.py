@@ -123,6 +123,7 @@ report = _stage_command("report", "report")
 def _print_result(result: BuildResult, device: Device) -> None:
     from ...workflow.board.wiring import plan_if_possible
     from ...workflow.build.load_cases import describe_states
+    from ...workflow.build.pose_errors import warn_of_poor_poses
     from ...workflow.build.results import describe_error, has_layout, has_parts, has_poses
     from ...workflow.fabrication.effort import find_effort
 
@@ -144,6 +145,7 @@ def _print_result(result: BuildResult, device: Device) -> None:
         print_lines([describe_states(results.field_index.states, device.states)])
     if has_layout(results):
         print_lines(f"note: {warning}" for warning in results.layout.warnings)
+        print_lines(f"note: {warning}" for warning in warn_of_poor_poses(results))
         error = results.layout.band.trained.median
         print_lines([f"after training: {describe_error(error, results.travel, results.size)}"])
         _print_layout(results.layout, device.cord.noun)

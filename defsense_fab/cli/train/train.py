@@ -86,8 +86,9 @@ def _train(
                     f"{path}: {model.kind}, from {model.metadata['trained_on']}. Cords differ, and"
                     " this device was not measured: expect errors of several times the prediction"
                     " until it is trained.",
-                    f"Next:    defsense capture record {device} ..., then defsense train SESSION"
-                    f" --device {device}",
+                    f"Next:    defsense run {path} --port twin --view, with a simulated device",
+                    f"Then:    defsense capture record {device} (or without hardware defsense twin"
+                    f" {device}), and defsense train SESSION --device {device}",
                 ]
             )
         else:

@@ -55,7 +55,7 @@ class FabricationTable(Table, frozen=True):
         Positive | None,
         key(
             "Volume that the printer extrudes per second: it gives the printing speed and time.",
-            unit="mm^3/s",
+            unit="mm³/s",
             rows=_ROWS,
         ),
     ] = None

@@ -62,7 +62,7 @@ def make_cad_solid(
     volume = occ.volume(solid)
     if not volume > 0:
         raise BodyError(
-            f"the solid's volume is {volume:.3g} mm^3",
+            f"the solid's volume is {volume:.3g} mm3",
             code="encloses-no-volume",
             where=where,
             action="Reverse its faces",

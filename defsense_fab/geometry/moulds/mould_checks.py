@@ -24,7 +24,7 @@ def check_block_volume(name: str, pieces: float, block: float, fed: float) -> Ch
     error = abs((pieces + fed) / block - 1)
     if not error <= BLOCK_TOLERANCE:
         raise FabricationError(
-            f"the mould of {name} and its cavity add up to {pieces + fed:.1f} mm^3, but its"
+            f"the mould of {name} and its cavity add up to {pieces + fed:.1f} mm3, but its"
             f" block has {block:.1f}",
             code="volume-not-conserved",
             action="Move a cord's plane slightly",
@@ -38,7 +38,7 @@ def check_cavity(name: str, volume: float, part: Part) -> Check:
     error = abs(volume / part.volume - 1)
     if not error <= CAVITY_TOLERANCE:
         raise FabricationError(
-            f"the mould of {name} holds {volume:.1f} mm^3, but the part has {part.volume:.1f}",
+            f"the mould of {name} holds {volume:.1f} mm3, but the part has {part.volume:.1f}",
             code="cavity-differs-from-part",
             action="Move a cord's plane slightly",
             part=name,
@@ -79,7 +79,7 @@ def check_opening(
                     at = triangle_kernel.to_surface(common).centroid
                     raise FabricationError(
                         f"the pieces {k + 1} and {j + 1} of the mould of {name} lock near"
-                        f" {format_point(at)}, by {common.volume():.1f} mm^3",
+                        f" {format_point(at)}, by {common.volume():.1f} mm3",
                         code="mould-pieces-lock",
                         action="Move a cord's plane there",
                         part=name,
@@ -92,7 +92,7 @@ def check_opening(
             if volume > max(MAX_OVERLAP_MM3, allowed):
                 raise FabricationError(
                     f"the mould of {name} does not open: its piece {k + 1} passes through"
-                    f" {volume:.1f} mm^3 of the part near {where}",
+                    f" {volume:.1f} mm3 of the part near {where}",
                     code="mould-does-not-open",
                     action="Move a cord's plane there, or choose a process that prints",
                     part=name,

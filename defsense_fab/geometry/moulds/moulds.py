@@ -304,7 +304,7 @@ def take_whole_piece(solid: Any, name: str) -> Any:
     if len(pieces) > 1 and pieces[1].volume() > mould_checks.CRUMB_MM3:
         at = format_point(triangle_kernel.to_surface(pieces[1]).centroid)
         raise FabricationError(
-            f"falls apart: {pieces[1].volume():.1f} mm^3 come off near {at}",
+            f"falls apart: {pieces[1].volume():.1f} mm3 come off near {at}",
             code="not-one-piece",
             where=name,
             action="Move a cord's plane there, or choose a process that prints",

@@ -245,7 +245,7 @@ def _check_whole(leaf: Any, channels: Sequence[Channel]) -> Any:
         at = format_point(center)
         cords = [repr(c.name) for c in channels if c.solid.min_gap(chip, 0.1) < 0.05]
         raise FabricationError(
-            f"cuts a piece of {chip.volume():.1f} mm^3 off its part near {at}",
+            f"cuts a piece of {chip.volume():.1f} mm3 off its part near {at}",
             code="channel-cuts-part",
             where=f"the channel of cord {' and '.join(cords)}",
             action="Move it away from the planes of other cords",

@@ -114,7 +114,7 @@ def check_volumes_agree(name: str, solid: Any, faceted: float, body: float) -> N
 def _check_volumes(name: str, exact: float, faceted: float, body: float) -> None:
     if abs(exact - faceted) > PART_TOLERANCE * faceted + BODY_TOLERANCE * body:
         raise FabricationError(
-            f"the two geometry kernels disagree on its volume ({exact:.1f} and {faceted:.1f} mm^3)",
+            f"the two geometry kernels disagree on its volume ({exact:.1f} and {faceted:.1f} mm3)",
             code="kernels-disagree",
             where=name,
             action="Move a cord plane slightly",

@@ -185,7 +185,7 @@ def check_overlap(
         at = triangle_kernel.to_surface(common).centroid
         data = {"cord": cord} if cord else {}
         raise FabricationError(
-            f"{what} meets {volume:.2f} mm^3 of solid near {format_point(at)}",
+            f"{what} meets {volume:.2f} mm3 of solid near {format_point(at)}",
             code="overlaps-solid",
             action=remedy,
             volume=volume,
@@ -212,7 +212,7 @@ def check_volumes(part_set: PartSet) -> Check:
     error = abs(total / part_set.body_volume - 1)
     if not error <= VOLUME_TOLERANCE:
         raise FabricationError(
-            f"parts and what was cut out add up to {total:.1f} mm^3, but the body has"
+            f"parts and what was cut out add up to {total:.1f} mm3, but the body has"
             f" {part_set.body_volume:.1f}",
             code="volume-not-conserved",
             where="the cut failed",
@@ -243,7 +243,7 @@ def check_overlaps(part_set: PartSet) -> Check:
             if volume > MAX_OVERLAP_SHARE * part_set.body_volume:
                 raise FabricationError(
                     f"{part_set.parts[j].name} and {part_set.parts[i].name} overlap by"
-                    f" {volume:.1f} mm^3 near {at}",
+                    f" {volume:.1f} mm3 near {at}",
                     code="parts-overlap",
                     where="the cut failed",
                     action="Move a cord plane slightly",

@@ -303,14 +303,15 @@ def _warnings(part_set: PartSet, rules: PartRules) -> dict[str, Float | None]:
     for opening in part_set.openings:
         joint = _cut_name(part_set.cuts[opening.cut], part_set.channels)
         what = "opens into" if opening.wall <= 0 else f"leaves {opening.wall:.1f} mm of wall to"
+        length = max(opening.length, 1.0)
         out[
             f"the channel of cord {part_set.channels[opening.line].name!r} {what} the joint of"
-            f" {joint} over {opening.length:.0f} mm near {format_point(opening.at)}: keep glue away"
+            f" {joint} over {length:.0f} mm near {format_point(opening.at)}: keep glue away"
             " from it there"
         ] = opening.at
     for i, part in enumerate(part_set.parts):
         if part.volume < SMALL_PART_SHARE * part_set.body_volume:
-            text = f"{part.name} is small ({part.volume:.0f} mm^3): two cord planes lie close"
+            text = f"{part.name} is small ({part.volume:.0f} mm3): two cord planes lie close"
             out[text] = part.center
         out |= part_checks.part_notes(part_set, i)
     # A joint that divides several parts belongs to several cuts, and is noted once.

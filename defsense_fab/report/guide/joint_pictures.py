@@ -284,7 +284,7 @@ class JointPictures:
             drawing.legend["no glue between these lines"] = _GLUELESS_COLOR
         for spot in self.manifest.assembly[joint.index].glueless:
             drawing.ball(spot.at, self.device.channel_diameter, _GLUELESS_COLOR)
-            drawing.label(spot.at, f"no glue within {spot.length / 2:.0f} mm")
+            drawing.label(spot.at, f"no glue within {spot.reach:.0f} mm")
 
     def _mark_glue(self, drawing: Drawing, cord: CutCord, end: int, joint: Joint) -> None:
         """Add a drop of glue at an end of a cord."""

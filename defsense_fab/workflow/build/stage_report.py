@@ -31,6 +31,7 @@ from ..board.wiring import plan_if_possible, write_wiring_files
 from ..fabrication.effort import effort_table
 from ..fabrication.offers import find_offers
 from ..fabrication.print_time import print_hours
+from .pose_errors import warn_of_poor_poses
 from .stage_fabricate import COMPRESSION_RESPONSES
 from .stages import Report
 
@@ -59,7 +60,8 @@ def run(device: Device, build: Build, report: Report) -> None:
     wiring, wiring_notes = plan_if_possible(device, manifest)
     if wiring is not None:
         write_wiring_files(wiring, folder)
-    notes = (*build.field_index.warnings, *build.forces.warnings, *wiring_notes)
+    warnings = (*build.field_index.warnings, *build.forces.warnings, *wiring_notes)
+    notes = (*warn_of_poor_poses(build), *warnings)
     guide = assembly_guide(device, layout, manifest, build.parts, frame, notes, wiring)
     judged = describe_error(layout.band.trained.median, build.travel, build.size)
     effort = effort_table(device, manifest)
@@ -152,6 +154,8 @@ def _pose_pictures(
     error_scale = color_bar.scale(
         color_bar.ERROR, "error of the predicted surface (mm)", errors.highest, beyond=True
     )
+    prediction = build.layout.prediction
+    with_noise = {**prediction.per_state, **prediction.held_out}
     rest, pictures = Surface(errors.rest, errors.faces), []
     for k, i in enumerate(errors.shown):
         name = state_words(errors.weights[i])
@@ -173,7 +177,8 @@ def _pose_pictures(
                     frame,
                     error_scale,
                 ),
-                "judged": describe_error(errors.mean(i), errors.travel(i)),
+                "judged": describe_error(with_noise[errors.names[i]], errors.travel(i)),
+                "without_noise": errors.mean(i),
                 "peak": planes.peak,
                 "cuts": [
                     f"{letter} {plane.words()}"

@@ -32,7 +32,7 @@ MODES = "modes"
 #: Poses of one end against the other, and their descriptions.
 END_POSES = {
     "bend": "the tip turns to where the body is thinnest",
-    "bend_side": "the tip turns to the other side",
+    "bend_side": "the tip turns at right angles to that",
     "twist": "the tip turns about the body's length",
     "pull": "the tip is drawn away from the base",
 }

@@ -8,6 +8,7 @@ import pytest
 from defsense_fab.cli.main import main
 from defsense_fab.core.device.device_file import load_device
 from defsense_fab.store.build import Build
+from defsense_fab.store.forces import HeldRecord
 from defsense_fab.workflow.build.pose_forces import pose_forces
 from defsense_fab.workflow.changed_values import changed_device
 
@@ -47,3 +48,11 @@ def test_a_pose_of_gravity_alone_moves_no_region(saved):
     device = changed_device(text, saved, {"poses": hang, "states": {"ramp": [0.5, 1.0]}})
     (forces,) = pose_forces(device, build.quadratic_mesh, build.fields).poses
     assert (forces.held, forces.push, forces.power) == ((), 0.0, 0.0)
+
+
+def test_a_turned_place_has_a_torque_instead_of_a_force_at_its_edge():
+    none = np.zeros(3)
+    bent = HeldRecord("tip", 5.0, none, np.array([240.0, 0, 0]))
+    turned = HeldRecord("tip", 56.0, none, np.array([0, 0, 500.0]))
+    assert bent.describe() == "5.0 N at 'tip', 0.24 N m"
+    assert turned.describe() == "0.50 N m at 'tip'"
