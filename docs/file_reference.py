@@ -55,7 +55,7 @@ class MaterialsOfProcesses(SphinxDirective):
 
 
 class Glues(SphinxDirective):
-    """A table of the kinds of glue with the materials that each joins, in place of the directive."""
+    """A table of the kinds of glue with the materials that each joins, where a page has `glues`."""
 
     def run(self):
         """Return the table as nodes; Sphinx calls this."""

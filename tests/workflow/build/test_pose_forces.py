@@ -55,4 +55,4 @@ def test_a_turned_place_has_a_torque_instead_of_a_force_at_its_edge():
     bent = HeldRecord("tip", 5.0, none, np.array([240.0, 0, 0]))
     turned = HeldRecord("tip", 56.0, none, np.array([0, 0, 500.0]))
     assert bent.describe() == "5 N at 'tip', 0.24 N m"
-    assert turned.describe() == "0.50 N m at 'tip'"
+    assert turned.describe() == "0.5 N m at 'tip'"
