@@ -15,7 +15,13 @@ HERE = Path(__file__).parent
 PAGE = HERE.parent / "contributing" / "benchmark-real.md"
 HEAD = "| recording | unit | s | frames, training + test | mean |"
 OURS = "ours"
-MARKS = {"ridge": "v", "kernel ridge": "s", "extra trees": "^", "boosting": "D", "recurrent network": "P"}
+MARKS = {
+    "ridge": "v",
+    "kernel ridge": "s",
+    "extra trees": "^",
+    "boosting": "D",
+    "recurrent network": "P",
+}
 
 
 def read_errors():
@@ -34,6 +40,7 @@ def read_errors():
 
 
 def main():
+    """Write `errors.png`."""
     errors = read_errors()
     figure, axes = plt.subplots(figsize=(7.4, 3.4), dpi=120)
     places = range(len(errors))

@@ -29,6 +29,7 @@ def arrow(x1, y1, x2, y2):
 
 
 def main():
+    """Write `cluster.svg`."""
     workers = "".join(
         box(490, y, "dask worker", f"machine {k}") + arrow(424, 115, 484, y + 30)
         for k, y in ((1, 10), (2, 85), (3, 160))

@@ -3,8 +3,8 @@
     python docs/guide/make_animation.py FOLDER [FRAME...]
 
 A bar is built, recorded and trained in FOLDER, unless that was done before. A live run then
-decodes the signals of its twin, which moves through a sequence of poses. FRAME are numbers of frames
-to save in FOLDER as PNG files, to check them.
+decodes the signals of its twin, which moves through a sequence of poses. FRAME are numbers of
+frames to save in FOLDER as PNG files, to check them.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -78,11 +79,11 @@ class Moment:
     quality: str
 
 
-@dataclass
 class Stage(LivePlace):
     """A place for a live run that keeps its frames instead of showing them in a browser."""
 
-    moments: list[Moment] = field(default_factory=list)
+    def __init__(self):
+        self.moments = []
 
     def open(self, device, actions):
         """Keep the device and its actions."""
@@ -207,7 +208,10 @@ class Painter:
         moment = self.moments[last]
         sheet = Sheet(WIDTH, HEIGHT)
         for k, (title, words) in enumerate(
-            (("Body", "simulated, as if bent by hand"), ("Live model", "decoded from the cords alone"))
+            (
+                ("Body", "simulated, as if bent by hand"),
+                ("Live model", "decoded from the cords alone"),
+            )
         ):
             x = 12 + k * WIDTH / 2
             sheet.text((x, 18), title, TITLE, INK, "lm", bold=True)
@@ -222,8 +226,7 @@ class Painter:
         sheet.text((WIDTH / 2, 40), movement_at(seconds), TITLE, "#00798c", "mm", bold=True)
         self.legend(sheet)
         self.plot(sheet, last)
-        sheet.text((0, 0), "", LABEL)  # draws the waiting lines
-        return sheet._image
+        return Image.open(BytesIO(sheet.png())).convert("RGB")
 
 
 def main():
@@ -248,8 +251,10 @@ def main():
     )  # fmt: skip
     errors = [np.sqrt(((m.true - m.decoded) ** 2).sum(1).mean()) for m in painter.moments]
     qualities = {m.quality for m in painter.moments}
-    print(f"{file}: {file.stat().st_size / 1e6:.2f} MB; {len(painter.moments)} surfaces;"
-          f" RMSE {np.mean(errors):.2f} mm, at most {np.max(errors):.2f} mm; {qualities}")  # fmt: skip
+    sys.stdout.write(
+        f"{file}: {file.stat().st_size / 1e6:.2f} MB; {len(painter.moments)} surfaces; RMSE"
+        f" {np.mean(errors):.2f} mm, at most {np.max(errors):.2f} mm; {qualities}\n"
+    )
 
 
 if __name__ == "__main__":

@@ -89,6 +89,7 @@ def draw_twist():
         text(390, 30, "twisted: the side is sheared", weight="bold"),
     ]
     for x, by in ((40.0, 0.0), (390.0, shift)):
+
         def place(u, v, x=x, by=by):
             return x + length * u, 160 - height * v - by * u + by / 2
 
@@ -101,7 +102,7 @@ def draw_twist():
     parts += [
         text(664, 62, f"+{100 * ratio:.0f} %", LONGER, weight="bold"),
         text(664, 102, f"+{100 * axial:.0f} %", SAME, weight="bold"),
-        text(40, 226, "The diagonal cord changes several times as much as the one along the axis,", SOFT),
+        text(40, 226, "The diagonal cord changes much more than the one along the axis,", SOFT),
         text(40, 248, "and becomes shorter when the twist is in the other direction", SOFT),
     ]  # fmt: skip
     save("twist", (720, 264), parts)
@@ -118,7 +119,8 @@ def draw_loop():
     width, height, gap, top = 150.0, 66.0, 30.0, 24.0
     parts = [
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7"'
-        f' markerHeight="7" orient="auto"><path d="M0,0 L8,4 L0,8 z" fill="{SOFT}"/></marker></defs>'
+        f' markerHeight="7" orient="auto"><path d="M0,0 L8,4 L0,8 z"'
+        f' fill="{SOFT}"/></marker></defs>'
     ]
     for k, (title, words) in enumerate(boxes):
         x = 12 + k * (width + gap)
@@ -142,7 +144,8 @@ def draw_loop():
         f'<path d="M{last},{low} V{low + 34} H{first} V{low + 4}" fill="none" stroke="{SOFT}"'
         ' stroke-width="2" marker-end="url(#tip)"/>'
     )
-    parts.append(text((first + last) / 2, low + 56, "move the paths to where the error is smaller", SOFT, "middle"))  # fmt: skip
+    words = "move the paths to where the error is smaller"
+    parts.append(text((first + last) / 2, low + 56, words, SOFT, "middle"))
     save("loop", (714, 160), parts)
 
 

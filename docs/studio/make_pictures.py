@@ -2,8 +2,8 @@
 
     python docs/studio/make_pictures.py FOLDER [NAME...]
 
-The joystick is created, built and trained in FOLDER, unless that was done before. A Chromium must be
-installed; it renders by the CPU.
+The joystick is created, built and trained in FOLDER, unless that was done before. A Chromium must
+be installed; it renders by the CPU.
 """
 
 from __future__ import annotations

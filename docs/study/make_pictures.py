@@ -26,6 +26,7 @@ cord.noise = [0.001, 0.002, 0.004]
 
 
 def main():
+    """Run the study in FOLDER, and write `study.png`."""
     folder = Path(sys.argv[1]) / "bar"
     if not folder.exists():
         shutil.copytree(BAR, folder)
