@@ -22,7 +22,7 @@ from PIL import Image
 
 from defsense_fab.core.mesh import Surface
 from defsense_fab.report.pictures.scene import Scene
-from defsense_fab.report.pictures.sheet import INK, SOFT, Sheet
+from defsense_fab.report.pictures.sheet import INK, SOFT, Sheet, extent
 from defsense_fab.report.pictures.views import looking
 from defsense_fab.runtime.view.live_place import LivePlace
 from defsense_fab.runtime.view.viewed_device import carried_cords
@@ -39,7 +39,8 @@ MADE = {  # what is there once a command has been run
     MODEL: ("train", "session", "--device", DEVICE),
 }
 SECONDS, FRAME_RATE_HZ = 20.0, 12.5
-REST_S = 6.0  # before the sequence, in which the resistances at rest are measured
+REST_S = 8.0  # before the sequence, in which the resistances at rest are measured
+REST_TAKEN_S = 1.0  # before the sequence, when the present readings are taken as those at rest
 #: Time, levels of the poses, and the name of the movement that ends at this time.
 KEYFRAMES = (
     (0.0, {}, ""),
@@ -58,11 +59,11 @@ KEYFRAMES = (
     (18.4, {}, "back to rest"),
     (20.0, {}, "rest"),
 )
-WIDTH, HEIGHT = 720, 452  # pixels
-PANEL = (352, 196)  # largest size of a body, pixels
-PLOT = (64, 296, 640, 112)  # left, top, width, height, pixels
+WIDTH, HEIGHT = 720, 448  # pixels
+PANEL = (344, 190)  # largest size of a body, pixels
+PLOT = (64, 312, 628, 104)  # left, top, width, height, pixels
 TITLE, LABEL = 18, 15  # font sizes, pixels
-VIEW = looking(np.array([0.35, -1.0, 0.45]), np.array([0, 0, 1.0]))
+VIEW = looking(np.array([0.5, -1.0, 0.4]), np.array([0, 0, 1.0]))
 TRUE_COLOR, MODEL_COLOR, GRID_COLOR = "#b9a58e", "#9db4c0", "#d5dce0"
 TICK_STEP = 5  # % of the resistance
 QUALITY = 60  # of the lossy pictures, of 100
@@ -92,10 +93,11 @@ class Stage(LivePlace):
     def send(self, frame):
         """Keep a frame, with the true shape of the twin at this time."""
         if frame.vertices is not None:
-            now = time.monotonic()
             shape = self.actions.shape()
             quality = str(frame.quality)
-            self.moments.append(Moment(now, frame.signals, shape, frame.vertices, quality))
+            self.moments.append(
+                Moment(frame.arrived, frame.signals, shape, frame.vertices, quality)
+            )
 
     def close(self):
         """Release no resources."""
@@ -123,22 +125,26 @@ def run_twin(folder):
     run = prepare_run(live_device(folder / MODEL), "twin", view=stage, keeps_readings=False)
     run.loop.start()
     started_at = time.monotonic() + REST_S
+    is_rest_taken = False
     try:
         while (now := time.monotonic() - started_at) < SECONDS + 0.2:
             stage.actions.bend(levels_at(now))
+            if now > -REST_TAKEN_S and not is_rest_taken:
+                is_rest_taken = True
+                stage.actions.rest()
             if not run.loop.wait(0.01):
                 sys.exit("the run has ended early")
     finally:
         run.close()
     for moment in stage.moments:
         moment.time -= started_at
-    return stage.device, [m for m in stage.moments if m.time >= 0]
+    return stage.device, [m for m in stage.moments if m.time >= -0.1]
 
 
-def body_scene(surface, box, color, cords, radius, opacity):
-    """Return a scene of a body and its cords, in which the corners of a box (8, 3) have room."""
+def body_scene(surface, corners, color, cords, radius, opacity):
+    """Return a scene of a body and its cords, with room for `corners` (4, 3) mm."""
     scene = Scene()
-    scene.mesh(pv.PolyData(box), box, opacity=0.0)
+    scene.mesh(pv.PolyData(corners), corners, opacity=0.0)
     scene.solid(surface, color, opacity=opacity)
     for path, cord_color in zip(cords, CORD_COLORS, strict=False):
         scene.tube(path, cord_color, radius)
@@ -154,9 +160,8 @@ class Painter:
         self.percent = 100 * np.array([m.signals for m in moments])
         self.cords = carried_cords(device)
         points = np.concatenate([m.true for m in moments] + [m.decoded for m in moments])
-        low, high = points.min(0), points.max(0)
-        pick = np.array([[i >> k & 1 for k in range(3)] for i in range(8)], bool)
-        self.box = np.where(pick, high, low)
+        flat = VIEW.flat(points)
+        self.corners = points[[*flat.argmin(0), *flat.argmax(0)]]
         reach = np.nanmax(np.abs(self.percent))
         self.top = TICK_STEP * np.ceil(1.02 * reach / TICK_STEP)
 
@@ -166,7 +171,7 @@ class Painter:
         paths = [points + weights @ moved for points, weights in self.cords] if has_cords else []
         surface = Surface(vertices, self.device.faces)
         with body_scene(
-            surface, self.box, color, paths, 1.2 * self.device.cord_radius, opacity
+            surface, self.corners, color, paths, 1.2 * self.device.cord_radius, opacity
         ) as scene:
             return scene.shot(VIEW, *PANEL).image
 
@@ -185,7 +190,8 @@ class Painter:
             x, y = place(seconds, -self.top)
             sheet.text((x, y + 8), f"{seconds} s" if seconds else "0", LABEL, SOFT, "mt")
         for k, color in zip(range(len(self.cords)), CORD_COLORS, strict=False):
-            line = [place(*p) for p in zip(self.times, self.percent[:, k], strict=True)][: last + 1]
+            points = zip(self.times.clip(0), self.percent[:, k], strict=True)
+            line = [place(*p) for p in points][: last + 1]
             if len(line) > 1:
                 sheet.line(line, color, 2.4)
             if line:
@@ -193,19 +199,22 @@ class Painter:
 
     def legend(self, sheet):
         """Write what the plot shows, with a dot in the color of each cord."""
-        y = PLOT[1] - 22
+        y = PLOT[1] - 20
         sheet.text((12, y), "Change of resistance of each cord", TITLE, INK, "lm", bold=True)
         x = WIDTH - 16
         for name, color in reversed(list(zip(self.device.channels, CORD_COLORS, strict=False))):
             sheet.text((x, y), name, LABEL, INK, "rm")
-            x -= 9 * len(name) + 14
+            x -= extent(name, LABEL)[0] + 10
             sheet.dot((x, y), color, 5)
-            x -= 20
+            x -= 22
 
     def frame(self, seconds):
         """Return the picture at a time of the sequence."""
-        last = int(np.clip(np.searchsorted(self.times, seconds), 0, len(self.times) - 1))
-        moment = self.moments[last]
+        last = int(np.clip(np.searchsorted(self.times, seconds), 1, len(self.times) - 1))
+        before, after = self.moments[last - 1], self.moments[last]
+        share = np.clip((seconds - before.time) / (after.time - before.time), 0, 1)
+        true = (1 - share) * before.true + share * after.true
+        decoded = (1 - share) * before.decoded + share * after.decoded
         sheet = Sheet(WIDTH, HEIGHT)
         for k, (title, words) in enumerate(
             (
@@ -217,13 +226,13 @@ class Painter:
             sheet.text((x, 18), title, TITLE, INK, "lm", bold=True)
             sheet.text((x, 40), words, LABEL, SOFT, "lm")
         bodies = (
-            self.body(moment.true, TRUE_COLOR, 1.0, has_cords=False),
-            self.body(moment.decoded, MODEL_COLOR, 0.35, has_cords=True),
+            self.body(true, TRUE_COLOR, 1.0, has_cords=False),
+            self.body(decoded, MODEL_COLOR, 0.35, has_cords=True),
         )
         for k, image in enumerate(bodies):
             h, w = image.shape[:2]
             sheet.paste(image, (WIDTH / 4 + k * WIDTH / 2 - w / 2, 58 + (PANEL[1] - h) / 2))
-        sheet.text((WIDTH / 2, 40), movement_at(seconds), TITLE, "#00798c", "mm", bold=True)
+        sheet.text((WIDTH / 2, 262), movement_at(seconds), TITLE, "#00798c", "mm", bold=True)
         self.legend(sheet)
         self.plot(sheet, last)
         return Image.open(BytesIO(sheet.png())).convert("RGB")
