@@ -72,13 +72,12 @@ def draw_bend():
     for height, color in cords:
         parts.append(polyline(bent(height), color, 4))
         change = 100 * height / radius
-        words = f"{change:+.0f} %" if height else "0 %"
-        x, y = bent(height)[-1]
-        along = np.array([np.cos(angle), np.sin(angle)])
-        parts.append(text(x + 12 * along[0], y + 12 * along[1] + 6, words, color, weight="bold"))
+        words = f"{change:+.0f} %".replace("-", "−") if height else "0 %"
+        place = "outer" if height > 0 else "inner" if height else "middle"
+        parts.append(text(590, 96 - 0.9 * height, f"{place} {words}", color, weight="bold"))
     parts.append(text(40, 250, "Change of length: longer outside, the same in the middle,", SOFT))
     parts.append(text(40, 272, "shorter inside", SOFT))
-    save("bend", (690, 290), parts)
+    save("bend", (720, 290), parts)
 
 
 def draw_twist():
@@ -111,7 +110,7 @@ def draw_twist():
 def draw_loop():
     """Draw the loop of the search."""
     boxes = (
-        ("paths of the cords", "splines in planes"),
+        ("cord paths", "splines in planes"),
         ("signals", "in each state, with noise"),
         ("decoder", "best map to the surface"),
         ("expected error", "in held-out states"),
