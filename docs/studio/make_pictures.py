@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 
-from PIL import Image
+from PIL import Image, ImageOps
 from playwright.sync_api import sync_playwright
 
 HERE = Path(__file__).parent
@@ -75,7 +75,7 @@ def cut_body(page):
 def select_cord(page):
     """Select a cord, which shows its control points."""
     enter(page, "Sensors")
-    page.get_by_role("treeitem", name="middle").click()
+    page.get_by_role("treeitem", name="middle", exact=True).click()
 
 
 def open_joints(page):
@@ -109,13 +109,14 @@ STEPS = {
 
 
 def save(page, name):
-    """Save a screenshot as a PNG, with fewer colors only if it would be large."""
+    """Save a screenshot as a PNG, with coarser colors if it would be large."""
     page.wait_for_timeout(SETTLED_MS)
     file = HERE / f"{name}.png"
     image = Image.open(BytesIO(page.screenshot(timeout=WAIT_MS))).convert("RGB")
-    image.save(file, optimize=True)
-    if file.stat().st_size > MAX_BYTES:
-        image.quantize(256, dither=Image.Dither.NONE).save(file, optimize=True)
+    for bits in (8, 7, 6, 5):
+        ImageOps.posterize(image, bits).save(file, optimize=True)
+        if file.stat().st_size < MAX_BYTES:
+            break
 
 
 def main():
