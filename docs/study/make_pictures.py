@@ -15,12 +15,12 @@ BAR = HERE.parents[1] / "fixtures" / "devices" / "bar"
 COARSE = (  # the same in less time
     ("edge_length = 8.0", "edge_length = 12.0"),
     ("ramp = [0.25, 0.5, 0.75, 1.0]", "ramp = [0.5, 1.0]"),
-    ("[fabrication]", '[design]\nsearches = 1\ndecoder = "affine"\n\n[fabrication]'),
+    ("[fabrication]", '[design]\nsearches = 3\ndecoder = "affine"\n\n[fabrication]'),
 )
 STUDY = """schema = 1
 
 [parameters]
-body.parameters.height = [22, 26, 30]
+body.parameters.height = [20, 24, 28]
 cord.noise = [0.001, 0.002, 0.004]
 """
 
