@@ -66,7 +66,8 @@ TITLE, LABEL = 18, 15  # font sizes, pixels
 VIEW = looking(np.array([0.5, -1.0, 0.4]), np.array([0, 0, 1.0]))
 TRUE_COLOR, MODEL_COLOR, GRID_COLOR = "#b9a58e", "#9db4c0", "#d5dce0"
 TICK_STEP = 5  # % of the resistance
-QUALITY = 60  # of the lossy pictures, of 100
+MAX_BRIGHTNESS = 250  # of 255; brighter colors are made white
+COLORS, PALETTE_FRAMES = 224, 25  # few colors make lossless pictures small
 
 
 @dataclass
@@ -238,6 +239,30 @@ class Painter:
         return Image.open(BytesIO(sheet.png())).convert("RGB")
 
 
+def write_webp(file, frames):
+    """Write an animation without loss, in the colors that its frames have in common."""
+    shown = frames[:: len(frames) // PALETTE_FRAMES]
+    sheet = Image.new("RGB", (WIDTH, HEIGHT * len(shown)))
+    for k, frame in enumerate(shown):
+        sheet.paste(frame, (0, HEIGHT * k))
+    palette = sheet.quantize(COLORS, dither=Image.Dither.NONE)
+    values = np.array(palette.getpalette()).reshape(-1, 3)
+    values[values.min(axis=1) > MAX_BRIGHTNESS] = 255
+    palette.putpalette(values.ravel().tolist())
+    reduced = [f.quantize(palette=palette, dither=Image.Dither.NONE).convert("RGB") for f in frames]
+    first, *others = reduced
+    first.save(
+        file,
+        save_all=True,
+        append_images=others,
+        duration=round(1000 / FRAME_RATE_HZ),
+        loop=0,
+        lossless=True,
+        quality=80,
+        method=4,
+    )
+
+
 def main():
     """Run missing commands, then the twin, and write the animation."""
     folder, *chosen = sys.argv[1:]
@@ -252,12 +277,8 @@ def main():
     frames = [painter.frame(seconds) for seconds in times]
     for number in map(int, chosen):
         frames[number].save(folder / f"frame-{number}.png")
-    first, *others = frames
     file = HERE / "animation.webp"
-    first.save(
-        file, save_all=True, append_images=others, duration=round(1000 / FRAME_RATE_HZ), loop=0,
-        quality=QUALITY, method=6, minimize_size=True,
-    )  # fmt: skip
+    write_webp(file, frames)
     errors = [np.sqrt(((m.true - m.decoded) ** 2).sum(1).mean()) for m in painter.moments]
     qualities = {m.quality for m in painter.moments}
     sys.stdout.write(
