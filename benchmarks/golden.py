@@ -9,7 +9,7 @@ model, replay a recording live. The results are reduced to numbers and to digest
     python -m benchmarks.golden --only bar  # one device, or "session", "model", "live"
 
 Builds are reproducible bit for bit on one processor architecture. On other processors the last
-digits of predictions and the facets of parts may differ (docs/conventions.md).
+digits of predictions and the facets of parts may differ (docs/contributing/conventions.md).
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ html_show_sphinx = False
 html_show_copyright = False
 html_show_search_summary = False  # would be fetched, which browsers refuse for files
 
-_MENTION = re.compile(r"`docs/([a-z0-9-]+)\.md`")
+_MENTION = re.compile(r"`docs/([a-z0-9/-]+)\.md`")
 
 
 def _links(_app, _docname, source):
@@ -43,11 +43,13 @@ def _links(_app, _docname, source):
 
 def setup(app):
     """Sphinx calls this."""
+    from command_reference import Commands
     from file_reference import FileKeys, Glues, MaterialsOfProcesses, write_schemas
     from python_reference import PythonNames
 
     app.connect("source-read", _links)
     app.connect("build-finished", write_schemas)
+    app.add_directive("commands", Commands)
     app.add_directive("file-keys", FileKeys)
     app.add_directive("glues", Glues)
     app.add_directive("materials-of-processes", MaterialsOfProcesses)

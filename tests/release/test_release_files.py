@@ -1,4 +1,4 @@
-"""Version, changelog and citation agree, and follow docs/release.md."""
+"""Version, changelog and citation agree, and follow docs/contributing/release.md."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ def test_version_changelog_and_citation_agree():
 
 
 def test_changelog_has_the_sections_of_its_rule():
-    (rule,) = re.findall(r"sections by task.*?left out", _read("docs/release.md"), re.S)
+    (rule,) = re.findall(
+        r"sections by task.*?left out", _read("docs/contributing/release.md"), re.S
+    )
     known = ["To do when you update", *re.findall(r"\*([^*]+)\*", rule)]
     for release in re.split(r"^## .+$", _read("CHANGELOG.md"), flags=re.M)[1:]:
         lead, *sections = re.split(r"^### (.+)$", release, flags=re.M)
