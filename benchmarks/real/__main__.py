@@ -6,8 +6,9 @@
 
 FOLDER has a sub-folder for each recording: `signals.csv` and `targets.csv`, or `run0-signals.csv`,
 `run0-targets.csv`, ...; and `README.md`. The project contains no recordings; without any, nothing
-is measured. `docs/contributing/benchmark-real.md` describes the data, the split, the rule of choosing and the
-tables. Errors are root mean squares on the last 30 % in time of all runs, or on runs left out.
+is measured. `docs/contributing/benchmark-real.md` describes the data, the split, the rule of
+choosing and the tables. Errors are root mean squares on the last 30 % in time of all runs, or on
+runs left out.
 """
 
 from __future__ import annotations
