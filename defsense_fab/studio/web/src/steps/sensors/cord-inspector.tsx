@@ -72,7 +72,7 @@ function LockNote({ name }: { name: string }) {
     <div class="lock-note">
       <Icon name="lock" size={14} />
       <p>
-        Locked: builds and the optimizer keep it as drawn. “Build as drawn” and “Use” of a layout lock cords.
+        Locked: builds and the optimizer keep it as drawn. “Build these cords as drawn” and “Use” of a layout lock cords.
       </p>
       <Button icon="unlock" shortcut="L" onClick={() => void setLocked(name, false)}>
         Unlock
