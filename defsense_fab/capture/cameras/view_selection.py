@@ -191,6 +191,6 @@ def measure_coverage(
                 hints.append(f"tilt the board {directions}, by 30 to 45 degrees")
         if np.ptp(descriptions[:, 2]) < 0.2:
             hints.append("hold the board nearer, then farther away")
-    if len(views) < target:
-        hints.append(f"take {target - len(views)} more views")
+    if (missing := target - len(views)) > 0:
+        hints.append(f"take {missing} more view{'s' * (missing > 1)}")
     return Coverage(cells, tuple(hints))

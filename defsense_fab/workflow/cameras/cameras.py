@@ -18,7 +18,13 @@ from ...core.progress import Progress, silent
 from ...twin.options import TWIN, TwinCameras, is_twin
 from .live_views import Opener, arrange_live, calibrate_live, check_live
 from .options import ArrangementOptions, CalibrationOptions, CameraOptions, CheckOptions
-from .recorded_views import arrange_recorded, calibrate_recorded, check_recorded
+from .recorded_views import (
+    Calibrated,
+    arrange_recorded,
+    calibrate_recorded,
+    check_recorded,
+    report_calibrations,
+)
 
 if TYPE_CHECKING:
     from ...twin.live.board_twin import BoardTwin
@@ -219,21 +225,24 @@ def calibrate_cameras(
             fisheye=is_fisheye,
         )
         return [camera.data for camera in calibrated]
-    data = []
+    live: list[Calibrated] = []
     opener: Opener = inputs.twin.alone if inputs.twin else Webcam
     for address, name in zip(inputs.addresses, names, strict=True):
         with open_screen(inputs.twin is not None) as screen:
-            camera = calibrate_live(
-                address,
-                name,
-                board,
-                cameras.calibration,
-                options.views,
-                screen,
-                opener,
-                fisheye=is_fisheye,
-            )
-            data.append(camera.data)
+            live += [
+                calibrate_live(
+                    address,
+                    name,
+                    board,
+                    cameras.calibration,
+                    options.views,
+                    screen,
+                    opener,
+                    fisheye=is_fisheye,
+                )
+            ]
+    report_calibrations(cameras.calibration, live)
+    data = [camera.data for camera in live]
     for values, true in zip(data, inputs.twin.cameras if inputs.twin else (), strict=False):
         values["true_focal"] = true.focal.tolist()
     return data

@@ -173,6 +173,11 @@ def store_calibrations(out: Path, calibrated: Sequence[Calibrated], board: Charu
         cameras[camera.name] = camera
     metadata |= _board_metadata(board) | {"adjusted": False}
     write_rig(out, list(cameras.values()), metadata)
+    report_calibrations(out, calibrated)
+
+
+def report_calibrations(out: Path, calibrated: Sequence[Calibrated]) -> None:
+    """Write the report of calibrations next to the file of the cameras."""
     write_report(
         out.with_suffix(".html"),
         [
