@@ -65,6 +65,25 @@ _SHORT = "my-device/model.json --port twin --seconds 5 --json"
 #: What other pages say to type, and what is run for it where that needs hardware or takes long: the
 #: same command with a twin for the port, less time, or names of what is there ("": as it stands).
 ELSEWHERE = {
+    "boards": {
+        "board wiring my-device --board esp32 --converter ads1115 --out my-wiring": "",
+    },
+    "check-wiring": {
+        "board check my-device --port twin:unit=2,swap=left+right --auto":
+            "board check my-joystick --port twin:unit=2,swap=left+right --auto",
+    },
+    "clearance": {
+        "calibrate clearance my-device --fits 0.25": "calibrate clearance my-joystick --fits 0.25",
+    },
+    "machine": {
+        "doctor": "",
+        "list materials": "",
+        "list printers fdm-tpu": "",
+        "completion bash": "",
+    },
+    "motion-capture": {
+        "capture markers my-device": "capture markers my-device --out my-markers",
+    },
     "tags": {
         "capture board my-cameras --measured 29.95": "",
     },
@@ -106,6 +125,8 @@ ELSEWHERE = {
         "twin my-device --list-assumptions": "",
         "twin my-device --off relaxation,hysteresis,mullins":
             "twin my-device --off relaxation,hysteresis,mullins --minutes 1 --out plain",
+        "train my-device/twin-1-1 --device my-device":
+            "train plain --device my-device --out plain.json",
     },
 }  # fmt: skip
 
