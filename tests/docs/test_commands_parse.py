@@ -12,14 +12,14 @@ from tests.support.places import ROOT
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 GROUPS = {words for words, app in all_commands() if is_group(app)}
-_BLOCK = re.compile(r"^```\w*\n(.*?)^```", re.DOTALL | re.MULTILINE)
+_BLOCK = re.compile(r"^ *```\w*\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
 _NAMED = re.compile(r"`defsense ([^`]*)`")
 
 
 def complete_commands(text):
     """Yield the lines of fenced blocks that call `defsense`, with continued lines joined."""
     for block in _BLOCK.findall(text):
-        for line in block.replace("\\\n", " ").splitlines():
+        for line in map(str.strip, block.replace("\\\n", " ").splitlines()):
             words = shlex.split(line, comments=True) if line.startswith("defsense ") else []
             if words:
                 yield [w for w in words[1 : words.index(">") if ">" in words else None] if w]
