@@ -8,7 +8,6 @@ JSON Schema of each file is written to `schemas/` next to the pages.
 import json
 from pathlib import Path
 
-from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
 from defsense_fab.core.device.device_file import DeviceFile
@@ -40,11 +39,7 @@ class FileKeys(SphinxDirective):
             self.env.note_dependency(str(module))
         text = [markdown(kind)]
         self.env.events.emit("source-read", self.env.docname, text)  # links, as in pages
-        parts = self.parse_text_to_nodes(text[0], allow_section_headings=True)
-        for part in parts:
-            for table in part.findall(nodes.table):
-                table["classes"].append("keys")
-        return parts
+        return self.parse_text_to_nodes(text[0], allow_section_headings=True)
 
 
 class MaterialsOfProcesses(SphinxDirective):
