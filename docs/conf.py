@@ -4,6 +4,8 @@ import re
 import sys
 from pathlib import Path
 
+from sphinx.util.inspect import TypeAliasForwardRef
+
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
 
 project = "defsense-fab"
@@ -22,12 +24,15 @@ autodoc_preserve_defaults = True
 autodoc_type_aliases = {
     name: name for name in ("ArrayLike", "Float", "Bool", "Int", "Progress", "Shape")
 }
+TypeAliasForwardRef.__repr__ = lambda alias: alias.name  # Sphinx 9 shows it in `Float | None`
 add_module_names = False
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 80
 toc_object_entries_show_parents = "hide"
 html_theme = "furo"  # no fonts or scripts from elsewhere: the site works from a file, offline
 html_title = "defsense-fab"
+html_static_path = ["html_static"]
+html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
 html_show_copyright = False
@@ -41,6 +46,11 @@ def _links(_app, _docname, source):
     source[0] = _MENTION.sub(r"[](/\1.md)", source[0])
 
 
+def _plain_defaults(_app, _what, _name, _object, _options, signature, returns):
+    """Replace the default of a dataclass's field, which Sphinx cannot parse."""
+    return signature and re.sub(r"<factory>|<object object at [^>]*>", "...", signature), returns
+
+
 def setup(app):
     """Sphinx calls this."""
     from command_reference import Commands
@@ -48,6 +58,7 @@ def setup(app):
     from python_reference import PythonNames
 
     app.connect("source-read", _links)
+    app.connect("autodoc-process-signature", _plain_defaults)
     app.connect("build-finished", write_schemas)
     app.add_directive("commands", Commands)
     app.add_directive("file-keys", FileKeys)

@@ -76,7 +76,10 @@ class Glues(SphinxDirective):
             materials = ", ".join(f"`{n}`" for n, row in rows if row["glue"] == name)
             cells = [glue["kind"], glue["example"], *times, materials or "bonded cords"]
             lines.append(f"| {' | '.join(cells)} |")
-        return self.parse_text_to_nodes("\n".join(lines))
+        tables = self.parse_text_to_nodes("\n".join(lines))
+        for table in tables:
+            table["classes"].append("wide-last")
+        return tables
 
 
 def write_schemas(app, error):

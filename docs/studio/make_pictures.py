@@ -41,8 +41,14 @@ def defsense(*words):
 def studio_of(folder, name):
     """Yield the address of the studio of a device's folder."""
     words = ("studio", name, "--port", str(PORT), "--no-browser", "--trust")
+    settings = {"DEFSENSE_CONFIG": str((folder / "settings").resolve())}  # no recent devices
     with subprocess.Popen(
-        defsense(*words), cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
+        defsense(*words),
+        cwd=folder,
+        env=os.environ | settings,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
     ) as running:
         try:
             while str(PORT) not in (line := running.stdout.readline()):
@@ -136,7 +142,9 @@ def main():
             page = browser.new_page(viewport=SIZE)
             with studio_of(folder, "new" if name == "start" else DEVICE) as url:
                 page.goto(url, timeout=WAIT_MS)
-                if name != "start":
+                if name == "start":
+                    page.get_by_role("button", name="Choose a file").wait_for(timeout=WAIT_MS)
+                else:
                     page.get_by_role("button", name="Not now").click(timeout=WAIT_MS)
                     STEPS[name](page)
                 save(page, name)

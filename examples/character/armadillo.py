@@ -4,7 +4,7 @@
     defsense build my-armadillo
 
 The Armadillo is available from the Stanford 3D Scanning Repository. Any figure with arms and
-legs in a PLY, STL, OBJ or OFF file is possible that stands along y or z, with its arms along x. It
+legs in a PLY, STL, OBJ or OFF file works if its height is along y or z and its arms are along x. It
 is scaled to a height of 150 mm. Hands, feet and trunk are located relative to the bounding box.
 """
 

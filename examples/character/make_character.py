@@ -48,7 +48,7 @@ def character():
     low, high = np.array([-90, -32, -6]), np.array([90, 28, 164])
     counts = np.ceil((high - low) / CELL).astype(int) + 1
     grid = pv.ImageData(dimensions=counts, spacing=[CELL] * 3, origin=low)
-    # Soles: what would lie below z = 0 is cut off, so that the figure stands.
+    # Soles: cut off the part below z = 0, so that the figure stands upright.
     points = np.asarray(grid.points)
     value = np.maximum(distance(points), -points[:, 2])
     surface = grid.contour([0.0], scalars=value, method="marching_cubes").clean()

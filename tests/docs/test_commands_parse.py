@@ -19,9 +19,8 @@ _NAMED = re.compile(r"`defsense ([^`]*)`")
 def complete_commands(text):
     """Yield the lines of fenced blocks that call `defsense`, with continued lines joined."""
     for block in _BLOCK.findall(text):
-        for line in block.replace("\\\n", " ").splitlines():
-            is_command = line.strip().startswith("defsense ")
-            words = shlex.split(line, comments=True) if is_command else []
+        for line in map(str.strip, block.replace("\\\n", " ").splitlines()):
+            words = shlex.split(line, comments=True) if line.startswith("defsense ") else []
             if words:
                 yield [w for w in words[1 : words.index(">") if ">" in words else None] if w]
 
