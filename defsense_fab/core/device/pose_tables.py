@@ -234,7 +234,7 @@ class StatesTable(Table, frozen=True):
 
     ramp: Annotated[
         Annotated[tuple[_Fraction, ...], Meta(min_length=1)],
-        key("Fractions of every pose that the design is optimised for."),
+        key("Fractions of every pose that the design is optimized for."),
     ] = DEFAULT_RAMP
     mixtures: Annotated[
         list[dict[str, float]] | None,

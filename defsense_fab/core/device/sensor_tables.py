@@ -70,7 +70,7 @@ class SensorTable(Table, frozen=True):
     free: Annotated[
         tuple[str, ...],
         key(
-            "What the optimiser may change: the `path`, with it the `plane`, or its `offset` only,"
+            "What the optimizer may change: the `path`, with it the `plane`, or its `offset` only,"
             " which keeps the direction; with a path in space also its `ends`; `[]` keeps the cord"
             " as drawn.",
             choices=FREEDOMS,
