@@ -96,6 +96,7 @@ class LiveDecoder:
         first_rest_signals: Signals (c,) in the training's first rest, before cords had set.
         follow_drift: Whether R0 follows the drift of the cords.
         fallback: Whether to decode without a cord that fails; otherwise it is only reported.
+        is_handled: Whether somebody can move the device and let it rest, and should be asked to.
 
     Raises:
         LiveError: The number of values of `rest` or `trained_rest` differs from the model's
@@ -111,6 +112,7 @@ class LiveDecoder:
         first_rest_signals: Float | None = None,
         follow_drift: bool = True,
         fallback: bool = True,
+        is_handled: bool = True,
     ) -> None:
         c = len(model.channels)
         for name, values in (("rest", rest), ("trained_rest", trained_rest)):
@@ -130,6 +132,7 @@ class LiveDecoder:
         self._follow_drift = follow_drift
         self._rest_ohms = None if rest is None else np.asarray(rest, float)
         self._trained_rest, self._fallback = trained_rest, fallback
+        self._is_handled = is_handled
         self._find_faults, self._swaps = LiveFaults(model.faults, c), SwapWatch(model)
         without: list[str | None] = [None, *(n for n in model.channels if n in model.without)]
         self._streams = {name: model.stream(name) for name in without}  # each with its own past
@@ -275,7 +278,7 @@ class LiveDecoder:
         return None, Quality.LOST
 
     def _rest_notes(self, time: float, rest: Rest) -> list[Note]:
-        notes = [] if rest.has_settled else [_NOT_SETTLED]
+        notes = [_NOT_SETTLED] if self._is_handled and not rest.has_settled else []
         drift = drift_note(self.model.channels, rest.drift)
         notes += [drift] if drift else []
         if rest.is_drift_limited:

@@ -298,6 +298,7 @@ def _make_decoder(live: LiveDevice, options: RunOptions, port: Port) -> LiveDeco
         live.trained_rest,
         first_rest_signals=_first_rest_signals(live, port),
         fallback=options.fallback,
+        is_handled=not port.is_twin,
     )
 
 
