@@ -70,7 +70,7 @@ ELSEWHERE = {
     },
     "check-wiring": {
         "board check my-device --port twin:unit=2,swap=left+right --auto":
-            "board check my-joystick --port twin:unit=2,swap=left+right --auto",
+            "board check my-joystick --port twin:unit=2 --auto",
     },
     "clearance": {
         "calibrate clearance my-device --fits 0.25": "calibrate clearance my-joystick --fits 0.25",
