@@ -9,7 +9,6 @@ frames to save in FOLDER as PNG files, to check them.
 
 from __future__ import annotations
 
-import subprocess
 import sys
 import time
 from dataclasses import dataclass
@@ -265,13 +264,11 @@ def write_webp(file, frames):
 
 def main():
     """Run missing commands, then the twin, and write the animation."""
+    sys.path.append(str(HERE.parent))
+    from picture_tools import make_missing
+
     folder, *chosen = sys.argv[1:]
-    folder = Path(folder)
-    folder.mkdir(exist_ok=True)
-    for result, words in MADE.items():
-        if not (folder / result).exists():
-            command = [sys.executable, "-m", "defsense_fab.cli.main", *words]
-            subprocess.run(command, cwd=folder, check=True)
+    folder = make_missing(folder, MADE)
     painter = Painter(*run_twin(folder))
     times = np.arange(0, SECONDS, 1 / FRAME_RATE_HZ)
     frames = [painter.frame(seconds) for seconds in times]

@@ -9,7 +9,6 @@ be installed; it renders by the CPU.
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 from contextlib import contextmanager
@@ -127,17 +126,13 @@ def save(page, name):
 
 def main():
     """Run missing commands and take the screenshots."""
+    sys.path.append(str(HERE.parent))
+    from picture_tools import make_missing, open_chromium
+
     folder, *names = sys.argv[1:]
-    folder = Path(folder)
-    folder.mkdir(exist_ok=True)
-    for result, words in MADE.items():
-        if not (folder / result).exists():
-            subprocess.run(defsense(*words), cwd=folder, check=True)
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
-    switches = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    switches += ["--no-sandbox"] if os.geteuid() == 0 else []
+    folder = make_missing(folder, MADE)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=switches)
+        browser = open_chromium(playwright)
         for name in names or ("start", *STEPS):
             page = browser.new_page(viewport=SIZE)
             with studio_of(folder, "new" if name == "start" else DEVICE) as url:
