@@ -145,7 +145,7 @@ def _print_result(result: BuildResult, device: Device) -> None:
         print_lines([describe_states(results.field_index.states, device.states)])
     if has_layout(results):
         print_lines(f"note: {warning}" for warning in results.layout.warnings)
-        print_lines(f"note: {warning}" for warning in warn_of_poor_poses(results))
+        print_lines(f"note: {warning}" for warning in warn_of_poor_poses(results, device.cord.noun))
         error = results.layout.band.trained.median
         print_lines([f"after training: {describe_error(error, results.travel, results.size)}"])
         _print_layout(results.layout, device.cord.noun)

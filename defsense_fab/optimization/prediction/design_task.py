@@ -126,10 +126,9 @@ def check_exits(device: Device, surface: Surface) -> None:
             action="Move or enlarge a region so that it contains skin, or name another one",
             key=key,
         )
-    what = "cord" if device.cord.trace is None else "trace"
     raise DeviceError(
-        f"the skin in {names} is at most {extent:.1f} mm wide, and the ends of a {what} need"
-        f" {needed:.1f} mm from each other",
+        f"the skin in {names} is at most {extent:.1f} mm wide, and the ends of a"
+        f" {device.cord.noun} need {needed:.1f} mm from each other",
         code="exit-too-small",
         where=where,
         action="Enlarge a region, or name another one",

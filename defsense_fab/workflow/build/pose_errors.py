@@ -33,11 +33,16 @@ def pose_errors(build: Build) -> dict[str, tuple[float, float]]:
     }
 
 
-def warn_of_poor_poses(build: Build) -> list[str]:
-    """Return a sentence for each pose whose error is poor for how far it moves the surface."""
+def warn_of_poor_poses(build: Build, noun: str) -> list[str]:
+    """Return a sentence for each pose whose error is poor for how far it moves the surface.
+
+    Args:
+        build: The built device.
+        noun: What texts call one sensor of it, such as "cord".
+    """
     return [
-        f"{pose} is sensed poorly, in the parts with noise: {describe_error(error, travel)}. A cord"
-        " that this pose stretches more would help, and so would a larger amplitude"
+        f"{pose} is sensed poorly, in the parts with noise: {describe_error(error, travel)}. A"
+        f" {noun} that this pose stretches more would help, and so would a larger amplitude"
         for pose, (error, travel) in pose_errors(build).items()
         if grade_error(error, travel) == "poor"
     ]

@@ -61,7 +61,7 @@ def run(device: Device, build: Build, report: Report) -> None:
     if wiring is not None:
         write_wiring_files(wiring, folder)
     warnings = (*build.field_index.warnings, *build.forces.warnings, *wiring_notes)
-    notes = (*warn_of_poor_poses(build), *warnings)
+    notes = (*warn_of_poor_poses(build, device.cord.noun), *warnings)
     guide = assembly_guide(device, layout, manifest, build.parts, frame, notes, wiring)
     judged = describe_error(layout.band.trained.median, build.travel, build.size)
     effort = effort_table(device, manifest)

@@ -362,6 +362,7 @@ def test_errors_use_the_labels_of_the_page_and_offer_what_cures_them(open_sensor
     expect(alert).to_contain_text("Ask for 3, or draw them in Sensors")
     alert.get_by_role("button", name="Set “Number of cords” to 3").click()
     assert until(lambda: load_device(folder).propose == 1)
+    expect(alert).to_have_count(0)  # the change ended the error
     studio.show_error(MeshingError("is too slow", code="slow", action="Raise [mesh] time_limit"))
     alert.get_by_role("button", name="Show “Time limit of the mesh”").click()
     expect(step_button(page, "Body")).to_have_attribute("aria-current", "step")

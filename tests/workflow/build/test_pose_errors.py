@@ -41,6 +41,7 @@ def test_poses_are_judged_at_their_largest_amplitude(build):
 
 
 def test_only_poorly_sensed_poses_are_warned_about(build):
-    (warning,) = warn_of_poor_poses(build)
+    (warning,) = warn_of_poor_poses(build, "trace")
     assert warning.startswith("twist ")
     assert "10 %" in warning
+    assert "trace" in warning

@@ -39,6 +39,11 @@ class GuidedRuns:
         """Wait until no task runs; return False after `timeout_s`."""
         return self._worker.wait(timeout_s)
 
+    def require_idle(self) -> None:
+        """Raise a DefsenseError (`busy`) if a task is prepared, runs or ends."""
+        if self.is_busy:
+            raise DefsenseError("another guided run is open", code="busy", action="Stop it first")
+
     def start(self, name: TaskName, run: Callable[[], None]) -> None:
         """Start a task.
 
@@ -49,8 +54,7 @@ class GuidedRuns:
         Raises:
             DefsenseError: Another task is running (`busy`).
         """
-        if self.is_busy:
-            raise DefsenseError("another guided run is open", code="busy", action="Stop it first")
+        self.require_idle()
         self._board.show(name, "Preparing ...", state="running")
         self._worker.give(lambda: self._run(name, run))
 

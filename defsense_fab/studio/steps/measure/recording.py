@@ -45,6 +45,7 @@ class GuidedTasks:
 
     def start_recording(self, request: messages.StartRecording) -> None:
         """Record the device, or resume a stopped session, on a thread."""
+        self._runs.require_idle()  # a session that starts has no manifest yet
         device, device_folder = self._session.device, self._session.project.folder
         folder = recording_folder(device_folder, request.session.strip())
         cameras = _camera_addresses(request.cameras)
