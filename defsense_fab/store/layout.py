@@ -270,8 +270,8 @@ class BandRecord:
             )
         position = "inside" if t.low <= measured <= t.high else "outside"
         return (
-            f"By the design, {text}. Measured: {measured:.2f} mm, {position} this range; expected /"
-            f" measured {t.median / measured:.2f}."
+            f"From the design: {text}. Measured: {measured:.2f} mm, {position} this range;"
+            f" expected / measured {t.median / measured:.2f}."
         )
 
 

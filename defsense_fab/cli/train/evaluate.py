@@ -97,6 +97,8 @@ def _describe_first(evaluation: WrittenEvaluation) -> list[str]:
     first = evaluation.result.models[0]
     e, budget = first.evaluation, first.budget
     lines = []
+    if first.usefulness is not None and first.usefulness.grade:
+        lines.append(f"{first.name}: {first.usefulness.grade}")
     if first.model.targets is not None:
         models = [m for m in evaluation.result.models if m.errors is not None]
         lines += [f"{m.name}: {describe_errors(m.errors)}" for m in models if m.errors]
@@ -115,14 +117,17 @@ def _describe_first(evaluation: WrittenEvaluation) -> list[str]:
         causes = [
             f"{cause} {100 * share / budget.total:.0f} %"
             for cause, share in shares
-            if abs(share) >= _MIN_SHARE * budget.total
+            if share >= _MIN_SHARE * budget.total
         ]
-        lines.append(f"squared error by cause: {', '.join(causes)}")
+        overlap = sum(share for _, share in shares if share > 0) / budget.total - 1
+        counted_twice = (
+            f" ({100 * overlap:.0f} % are counted twice)" if overlap >= _MIN_SHARE else ""
+        )
+        lines.append(f"squared error by cause: {', '.join(causes)}{counted_twice}")
     if (p := first.predicted) is not None:
-        design_error = "" if p.design is None else f"; design only, {p.design.rmse:.2f} mm"
         lines.append(
-            f"predicted {p.predicted:.2f} mm, measured {p.measured:.2f} mm: ratio {p.ratio:.2f}"
-            f"{design_error}"
+            f"From the training recordings: {p.predicted:.2f} mm expected. Measured:"
+            f" {p.measured:.2f} mm; expected / measured {p.ratio:.2f}."
         )
     if evaluation.expected:
         lines.append(evaluation.expected)

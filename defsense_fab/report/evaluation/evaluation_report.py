@@ -12,6 +12,7 @@ import numpy as np
 from ...core.errors import TrainingError
 from ...core.storage.files import replace_folder, write_text
 from ...core.version import __version__
+from ...decoding.error_scale import SCALE
 from ...training.evaluation.error_budget import ErrorBudget
 from ...training.evaluation.evaluate_models import Evaluated, SessionEvaluation
 from ...training.evaluation.model_comparison import SIGNIFICANCE_LEVEL, Comparison
@@ -106,6 +107,7 @@ def _values(result: SessionEvaluation, figures: dict[str, str]) -> dict[str, Any
         "result": result,
         "first": first,
         "evaluation": first.evaluation,
+        "scale": SCALE,
         "paper": published_errors(result),
         "unit": first.unit_text,
         "noun": first.noun,

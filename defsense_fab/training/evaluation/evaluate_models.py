@@ -29,6 +29,7 @@ from .twin_truth import budget_of_truth
 _MIN_FRAMES = 200  # fewer are noted
 _MIN_LEFT_OUT_SHARE = 0.01  # of the frames; a smaller share is not noted
 _MIN_BEYOND_SHARE = 0.1  # of the frames beyond the trained range; a smaller share is not noted
+_MIN_BEYOND_RATIO = 1.25  # of the errors beyond and within the range; a smaller one is not noted
 _TIME_ROUNDING_S = 1e-3  # by which times differ in other files
 _MAX_REST_CHANGE = 0.15  # of R0, by which the same cord changes at most
 
@@ -316,8 +317,15 @@ def _describe_frames(evaluated: Evaluated) -> list[str]:
         notes.append(f"{int((~frames.visible.any(axis=0)).sum())} {never}")
     if count < _MIN_FRAMES:
         notes.append(f"{count} frames are few: record for longer")
-    total, outside = evaluation.total, evaluation.outside
-    if outside is not None and outside.frames > _MIN_BEYOND_SHARE * total.frames:
-        share = outside.frames / total.frames
-        notes.append(f"{share:.0%} of the frames are beyond what the model was trained on")
+    total, inside, outside = evaluation.total, evaluation.inside, evaluation.outside
+    if outside is None or outside.frames <= _MIN_BEYOND_SHARE * total.frames:
+        return notes
+    beyond = f"{outside.frames / total.frames:.0%} of the frames are beyond what the model was"
+    if inside is None:
+        notes.append(f"{beyond} trained on")
+    elif outside.rmse > _MIN_BEYOND_RATIO * inside.rmse:
+        notes.append(
+            f"{beyond} trained on: their RMSE is {outside.rmse:.2f} {evaluated.unit_text}, that of"
+            f" the others {inside.rmse:.2f} {evaluated.unit_text}"
+        )
     return notes

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...core.arrays import Float
+from ...decoding.error_scale import describe_error
 from ...decoding.signal_history import interpolate_at
 from ...decoding.trained_model import TrainedModel, decode_inputs
 from ..regression.frames import Frames
@@ -26,6 +27,7 @@ MAX_ERROR_SHARE = 0.8
 #: is predicted by signals of any period.
 MIN_CHANCE_SHARE = 0.5
 _MAX_CHANCE_RATIO = 0.8  # of the error and the error by chance
+_TRAVEL_QUANTILE = 0.99  # of the frames: wrong markers are further from rest than any real one
 _BATCH_FRAMES = 1000  # features of more frames at once would take much memory
 
 
@@ -57,6 +59,8 @@ class Usefulness:
         cause: The likeliest cause of a useless model; None for a useful one.
         unit: Unit of both; empty if unknown.
         chance: Error that models of signals from other times reach, mm; None if not compared.
+        travel: Largest distance of any marker from its place at rest, mm, without the 1 % of the
+            frames in which it is farthest; None for targets.
     """
 
     error: float
@@ -64,6 +68,7 @@ class Usefulness:
     cause: Cause | None = None
     unit: str = "mm"
     chance: float | None = None
+    travel: float | None = None
 
     @property
     def is_useless(self) -> bool:
@@ -74,6 +79,11 @@ class Usefulness:
     def is_chance(self) -> bool:
         """Whether models of signals from other times are nearly as good."""
         return self.chance is not None and self.error >= _MAX_CHANCE_RATIO * self.chance
+
+    @property
+    def grade(self) -> str:
+        """The error with its share of the travel and its grade, in words; empty for targets."""
+        return "" if self.travel is None else describe_error(self.error, self.travel)
 
     @property
     def message(self) -> str:
@@ -102,6 +112,8 @@ class Usefulness:
             "error": self.error,
             "movement": self.movement,
             "chance": self.chance,
+            "travel": self.travel,
+            "grade": self.grade or None,
             "message": self.message,
             "cause": None if cause is None else {"code": cause.code, **cause.data},
         }
@@ -128,7 +140,8 @@ def measure_usefulness(model: TrainedModel, frames: Frames) -> Usefulness:
     chance = None
     if MIN_CHANCE_SHARE * movement <= error < MAX_ERROR_SHARE * movement:
         chance = measure_chance(frames) * movement
-    return Usefulness(error, movement, chance=chance)
+    travel = None if model.targets is not None else _travel(points, model.rest_points)
+    return Usefulness(error, movement, chance=chance, travel=travel)
 
 
 def rms_distance(points: Float, others: Float) -> float:
@@ -136,6 +149,13 @@ def rms_distance(points: Float, others: Float) -> float:
     squares = ((points - others) ** 2).sum(axis=-1)
     is_known = np.isfinite(squares)
     return float(np.sqrt(squares[is_known].mean())) if is_known.any() else 0.0
+
+
+def _travel(points: Float, rest_points: Float) -> float:
+    """Return the largest distance, mm, of points (t, m, 3) from rest, without the rarest ones."""
+    distances = np.linalg.norm(points - rest_points, axis=2)
+    seen = distances[:, np.isfinite(distances).any(axis=0)]
+    return float(np.nanquantile(seen, _TRAVEL_QUANTILE, axis=0).max(initial=0.0))
 
 
 def decode(model: TrainedModel, frames: Frames) -> Float:

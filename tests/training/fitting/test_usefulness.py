@@ -45,6 +45,17 @@ def test_a_model_that_follows_the_movement_is_useful(training):
     assert other.error < 0.5 * other.movement
 
 
+def test_the_error_is_graded_by_the_largest_movement_without_rare_wrong_markers(training):
+    recording = synthetic.recording(2)
+    judgment = judged(training, recording)
+    distances = np.linalg.norm(recording.points - synthetic.dataset(recording).rest_points, axis=2)
+    assert 0.8 * np.nanmax(distances) < judgment.travel <= np.nanmax(distances)
+    assert f"{100 * judgment.error / judgment.travel:.2g} %" in judgment.grade
+    points = recording.points.copy()
+    points[:: 2 * len(points) // 3] += 1000.0
+    assert judged(training, replace(recording, points=points)).travel < np.nanmax(distances)
+
+
 def exchange_channels(r):
     return replace(r, ohm=r.ohm[:, [1, 0, 2]], rest=r.rest[[1, 0, 2]])
 
