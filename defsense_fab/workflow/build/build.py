@@ -27,7 +27,7 @@ from . import body_sources
 from .cluster import cluster_solver, cluster_tasks
 from .continued_layout import ASPECTS, find_earlier_layout, layout_aspects
 from .options import BuildOptions
-from .part_changes import CHANGES, compare_parts
+from .part_changes import CHANGES, MADE_OF, compare_parts, made_of
 from .recorded_options import plates_record, recorded_options
 from .stage_files import (
     STATE,
@@ -218,9 +218,11 @@ class _Plan:
             key, files = keys[stage.name], file_sizes(results.folder, stage)
             record = plates_record(stage.name, self._original, self.options)
             if stage.name == PLATES:
-                record |= _changes(
-                    source if stage.name in reused else None, earlier, results.folder
-                )
+                record[MADE_OF] = made_of(self.device)
+                if source is not None and stage.name in reused:
+                    record[CHANGES] = load_state(source).get(PLATES, {}).get(CHANGES)
+                else:
+                    record |= compare_parts(earlier, results.folder, record[MADE_OF])
             if stage.name == _OPTIMIZE:
                 record[ASPECTS] = layout_aspects(self.device, keys)
             save_stage_record(results.folder, stage, {"key": key, "files": files} | record)
@@ -255,14 +257,6 @@ class _Plan:
             remove_files(working, stage)
             return False
         return True
-
-
-def _changes(source: Path | None, earlier: tuple[Path, ...], folder: Path) -> dict[str, Any]:
-    """Return the record of the changed parts: that of reused parts, or a new comparison."""
-    if source is not None:
-        record = load_state(source).get(PLATES, {})
-        return {CHANGES: record[CHANGES]} if CHANGES in record else {}
-    return compare_parts(earlier[0], folder)
 
 
 def build_body(device: Device, folder: Path, progress: Progress = silent) -> Build:

@@ -1,102 +1,171 @@
 """Find which parts and cords a build changed: what to print and cut again, and what to keep.
 
-Two printed pieces are the same if their files in print orientation are. `state.json` keeps the
-result with the parts until other parts are made.
+Two printed pieces are the same if their files in print orientation are, and what they are printed
+of. `state.json` keeps the result with the parts until other parts are made.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
+from ...core.device.device import Device
 from ...core.errors import DefsenseError
 from ...core.storage.files import digest
-from ...store.manifest import FOLDER, CutCord, Manifest, load_manifest
-from ...store.manifest import part_label as part_label
+from ...report.guide.instructions import cord_label
+from ...store.manifest import FOLDER, CutCord, Manifest, load_manifest, part_label
 from .stage_files import load_state
 from .stages import PLATES
 
-CHANGES = "changes"
+CHANGES, MADE_OF = "changes", "made_of"
 _CORD_TOLERANCE_MM = 0.5  # of lengths that are cut and marked by hand
 
 
 @dataclass(frozen=True)
 class PartChanges:
-    """What a build changed compared with the parts before it.
+    """What a build changed compared with the parts of the build before it.
 
     Attributes:
-        print_again: Names of the pieces that differ from all earlier ones.
+        print_again: Names of the pieces that differ from all earlier ones, or of which more are
+            needed.
         keep: Names of the pieces that are the same as an earlier one.
-        cut_again: Names of the cords that have another length than before, or are new.
+        cut_again: Names of the cords of another kind or length than before, or of which more are
+            needed.
         keep_cords: Names of the other cords.
+        cast_again: Whether all parts must be cast again: a mould or the silicone has changed, or
+            more parts are needed.
     """
 
     print_again: tuple[str, ...]
     keep: tuple[str, ...]
     cut_again: tuple[str, ...]
     keep_cords: tuple[str, ...]
+    cast_again: bool = False
 
     def describe(self) -> list[str]:
         """Return the changes as sentences."""
+        rows = self.rows()
+        again = {verb: [n for n, what in rows if what == f"{verb} again"] for verb in _VERBS}
+        kept = [n for n, what in rows if what == _KEEP]
+        lines = [f"{verb.capitalize()} again: {', '.join(n)}." for verb, n in again.items() if n]
+        if kept:
+            lines.append(f"Keep: {', '.join(kept)}.")
+        return lines
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return the label of each piece with what to do, "print again" or "keep" for example."""
         return [
-            _describe("Print", self.print_again, "keep", self.keep),
-            _describe("Cut", self.cut_again, "keep", self.keep_cords),
+            *((part_label(name), "print again") for name in self.print_again),
+            *([("all parts", "cast again")] if self.cast_again else ()),
+            *((cord_label(name), "cut again") for name in self.cut_again),
+            *((part_label(name), _KEEP) for name in self.keep),
+            *((cord_label(name), _KEEP) for name in self.keep_cords),
         ]
 
 
-def _describe(verb: str, again: tuple[str, ...], other: str, kept: tuple[str, ...]) -> str:
-    if not again:
-        return f"{verb} nothing again: {', '.join(map(part_label, kept))} stay as they were."
-    text = f"{verb} again: {', '.join(map(part_label, again))}"
-    return f"{text}; {other} {', '.join(map(part_label, kept))}." if kept else f"{text}."
+_VERBS, _KEEP = ("print", "cast", "cut"), "keep"
 
 
-def compare_parts(earlier: Path, folder: Path) -> dict[str, Any]:
+def made_of(device: Device) -> dict[str, list[Any]]:
+    """Return what `state.json` records of what pieces and cords are made of."""
+    f, cord = device.fabrication, device.cord
+    material = [device.material.name]
+    return {
+        "pieces": [f.process, *([] if f.kind == "cast" else material)],
+        "cast": material if f.kind == "cast" else [],
+        "cords": [cord.name, cord.diameter],
+    }
+
+
+def compare_parts(earlier: Sequence[Path], folder: Path, made: Mapping[str, Any]) -> dict[str, Any]:
     """Return what `state.json` records of the changes between the parts of two builds.
 
-    It is empty if the earlier folder has no readable parts.
+    Args:
+        earlier: Folders of earlier builds, the latest first; the first one with readable parts is
+            compared with.
+        folder: Folder of the new build.
+        made: What its pieces and cords are made of.
+
+    Returns:
+        The record; empty without earlier parts.
     """
-    try:
-        before = load_manifest(earlier)
-        known = set(_digests(earlier, before).values())
-    except (DefsenseError, OSError):
+    found = next(filter(None, map(_read, earlier)), None)
+    if found is None:
         return {}
-    after = load_manifest(folder)
-    pieces = _digests(folder, after)
-    lengths = {c.sensor: _lengths(c) for c in before.cords}
-    cut_again = [c.sensor for c in after.cords if not _is_kept(c, lengths)]
+    path, before = found
+    after, made_before = load_manifest(folder), _record(path).get(MADE_OF, made)
+    same = {key: made_before.get(key) == value for key, value in made.items()}
+    pieces, known = _pieces(folder, after), Counter[str]()
+    for value, count in _pieces(path, before).values():
+        known[value] += count
+    needed = Counter[str]()
+    for value, count in pieces.values():
+        needed[value] += count
+    again = [n for n, (v, _) in pieces.items() if not same["pieces"] or needed[v] > known[v]]
+    cords = () if after.traces else after.cords
+    cut_again = [
+        c.sensor
+        for c in cords
+        if not same["cords"] or after.copies > before.copies or not _is_kept(c, before.cords)
+    ]
+    moulds = {piece.name for mould in after.moulds for piece in mould.pieces}
     changes = PartChanges(
-        print_again=tuple(name for name, value in pieces.items() if value not in known),
-        keep=tuple(name for name, value in pieces.items() if value in known),
+        print_again=tuple(again),
+        keep=tuple(name for name in pieces if name not in again),
         cut_again=tuple(cut_again),
-        keep_cords=tuple(c.sensor for c in after.cords if c.sensor not in cut_again),
+        keep_cords=tuple(c.sensor for c in cords if c.sensor not in cut_again),
+        cast_again=bool(moulds)
+        and (not same["cast"] or after.copies > before.copies or bool(moulds & {*again})),
     )
     return {CHANGES: asdict(changes)}
 
 
 def load_changes(folder: Path) -> PartChanges | None:
     """Return what a build changed; None if there were no parts before it."""
-    record: Mapping[str, Any] | None = load_state(folder).get(PLATES, {}).get(CHANGES)
-    return None if record is None else PartChanges(**{k: tuple(v) for k, v in record.items()})
+    try:
+        return msgspec.convert(_record(folder).get(CHANGES), PartChanges)
+    except msgspec.ValidationError:  # no record, or one of another version
+        return None
 
 
-def _digests(folder: Path, manifest: Manifest) -> dict[str, str]:
-    """Return a hash of the file of each printed piece, by its name."""
-    pieces = [piece for mould in manifest.moulds for piece in mould.pieces]
-    files = {p.name: p.print for p in (pieces or manifest.parts)}
-    files |= {trace.name: trace.stl for trace in manifest.traces}
-    files |= {pin.name: pin.stl for pin in manifest.pins}
-    return {name: digest(folder / FOLDER / file) for name, file in files.items()}
+def _record(folder: Path) -> dict[str, Any]:
+    record = load_state(folder).get(PLATES)
+    return record if isinstance(record, dict) else {}
 
 
-def _lengths(cord: CutCord) -> tuple[float, float]:
-    return cord.cut_length, cord.unstretched
+def _read(folder: Path) -> tuple[Path, Manifest] | None:
+    """Return a folder with its manifest; None without readable parts."""
+    try:
+        manifest = load_manifest(folder)
+        _pieces(folder, manifest)
+    except (DefsenseError, OSError):
+        return None
+    return folder, manifest
 
 
-def _is_kept(cord: CutCord, lengths: Mapping[str, tuple[float, float]]) -> bool:
-    before = lengths.get(cord.sensor)
-    return before is not None and all(
-        abs(a - b) <= _CORD_TOLERANCE_MM for a, b in zip(_lengths(cord), before, strict=True)
+def _pieces(folder: Path, manifest: Manifest) -> dict[str, tuple[str, int]]:
+    """Return a hash and the number of each printed piece, by its name.
+
+    A body is one piece with the traces in it.
+    """
+    path, copies = folder / FOLDER, manifest.copies
+    traces = [path / trace.stl for trace in manifest.traces]
+    moulds = [piece for mould in manifest.moulds for piece in mould.pieces]
+    pieces = {p.name: (digest(path / p.print), 1) for p in moulds}
+    if not moulds:
+        pieces = {p.name: (digest(path / p.print, *traces), copies) for p in manifest.parts}
+    return pieces | {p.name: (digest(path / p.stl), p.count * copies) for p in manifest.pins}
+
+
+def _is_kept(cord: CutCord, before: Sequence[CutCord]) -> bool:
+    return any(
+        b.sensor == cord.sensor
+        and abs(b.cut_length - cord.cut_length) <= _CORD_TOLERANCE_MM
+        and abs(b.unstretched - cord.unstretched) <= _CORD_TOLERANCE_MM
+        for b in before
     )

@@ -10,7 +10,7 @@ import numpy as np
 from ....core.arrays import Float
 from ....core.curve import resample
 from ....core.device.device import Device
-from ....workflow.build.part_changes import load_changes, part_label
+from ....workflow.build.part_changes import load_changes
 from ....workflow.fabrication.assembly_guide import (
     PART_COLORS,
     AssemblyGuide,
@@ -112,13 +112,8 @@ def _changes(folder: Path) -> list[GuideTable]:
     changes = load_changes(folder)
     if changes is None:
         return []
-    rows = [
-        *((part_label(name), "print again") for name in changes.print_again),
-        *((f"cord {name}", "cut again") for name in changes.cut_again),
-        *((part_label(name), "keep") for name in changes.keep),
-        *((f"cord {name}", "keep") for name in changes.keep_cords),
-    ]
-    return [GuideTable("Changed since the last parts", ("piece", "what to do"), tuple(rows))]
+    header = ("piece", "what to do")
+    return [GuideTable("Compared with the build before", header, tuple(changes.rows()))]
 
 
 def build_files(guide: AssemblyGuide, folder: Path) -> list[messages.MadeFile]:
