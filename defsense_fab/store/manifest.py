@@ -22,8 +22,6 @@ from .layout import Prediction
 from .traces import TraceRecord as TraceRecord
 
 FOLDER, MANIFEST = "parts", "parts/manifest.json"
-#: Smallest distance from an open wall that a hand with a glue bottle can keep, mm.
-MIN_GLUELESS_REACH_MM = 2.0
 #: Names of a cord's ends, in their order in the records.
 END_NAMES = ("start", "end")
 
@@ -290,22 +288,20 @@ class JoinedPin:
 
 @dataclass(frozen=True)
 class GluelessSpot:
-    """A spot of a joint that must have no glue: a channel is open, or almost open, to its face.
+    """A spot of a joint that must have no glue: a channel passes through its face, or is open or
+    almost open to it.
 
     Attributes:
         cord: Name of the cord in the channel.
         at: Point (3,) of the channel that is nearest to the face, mm.
-        length: Length of the spot along the channel, mm.
+        reach: Distance from `at` that must stay free of glue, mm.
+        is_crossing: Whether the channel passes through the joint.
     """
 
     cord: str
     at: Float
-    length: float
-
-    @property
-    def reach(self) -> float:
-        """Distance from `at` that must stay free of glue, mm."""
-        return max(self.length / 2, MIN_GLUELESS_REACH_MM)
+    reach: float
+    is_crossing: bool = False
 
 
 @dataclass(frozen=True)
@@ -377,7 +373,7 @@ class Manifest:
         traces: Printed traces, in the order of `cords`, which has their resistances.
     """
 
-    SCHEMA: ClassVar[int] = 4
+    SCHEMA: ClassVar[int] = 5
 
     device: str
     unit: str

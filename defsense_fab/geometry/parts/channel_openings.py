@@ -22,6 +22,7 @@ from ..kernels.surface_queries import SignedDistance
 #: Crossings at a smaller angle are too long.
 MIN_CROSSING_ANGLE_RAD = np.radians(20)
 PLANE_TOLERANCE_MM = 1e-5
+IN_PLANE_MM = 1e-3  # a line that is nearer to a plane lies in it
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class ChannelOpening:
         line: Index of the channel.
         cut: Index of the cut.
         length: Length of the stretch, mm.
+        reach: Largest distance of the stretch from `at`, mm.
         wall: Least wall, mm; below 0 if the channel opens.
         at: Point (3,) of the least wall, mm.
     """
@@ -39,6 +41,7 @@ class ChannelOpening:
     line: int
     cut: int
     length: float
+    reach: float
     wall: float
     at: Float
 
@@ -81,8 +84,8 @@ def find_channel_openings(
         corners = Surface(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
         distance_to_faces, (normal, offset) = SignedDistance(corners), planes[0]
         for i, line in lines:
-            if np.abs(line @ normal - offset).max() < 1e-3:
-                continue  # its own plane
+            if np.abs(line @ normal - offset).max() < IN_PLANE_MM:
+                continue
             out += _find_stretches(i, k, line, distance_to_faces.unsigned(line), radius, wall)
     return out
 
@@ -109,9 +112,7 @@ def _find_stretches(
         crosses = distance[nearest] < step
         allowed_length = 2 * (radius + wall) / np.sin(MIN_CROSSING_ANGLE_RAD) if crosses else 0.0
         if (b - a) * step > allowed_length:
-            out.append(
-                ChannelOpening(
-                    i, k, float((b - a) * step), float(distance[nearest]) - radius, line[nearest]
-                )
-            )
+            at, length = line[nearest], float((b - a) * step)
+            reach = float(np.linalg.norm(line[a:b] - at, axis=1).max())
+            out.append(ChannelOpening(i, k, length, reach, float(distance[nearest]) - radius, at))
     return out

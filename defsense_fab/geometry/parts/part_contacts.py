@@ -14,6 +14,7 @@ from ...core.curve import Plane, arc_lengths, resample
 from ...core.mesh import Surface
 from ..kernels import triangle_kernel
 from ..kernels.surface_queries import inside_outlines, signed_distance_of
+from .channel_openings import IN_PLANE_MM
 from .division import Division
 
 SECTION_OFFSET_MM = 0.02  # parts are cut this far from their common plane
@@ -90,6 +91,31 @@ class Contact:
         grid = np.stack(np.meshgrid(*axes), -1).reshape(-1, 2)
         border = np.concatenate([_along(p, 2 * step) for p in outlines])
         return np.concatenate([border, grid[inside_outlines(grid, outlines)]])
+
+    def crossings(self, line: Float, room: float) -> list[tuple[Float, float]]:
+        """Return where a line passes through the face; nowhere if it lies in the face's plane.
+
+        Args:
+            line: Points (p, 3), mm.
+            room: How far outside of the face's outline a crossing may be, mm: the face has no
+                material where channels pass through it.
+
+        Returns:
+            The point (3,) of each crossing, mm, and the sine of the angle between line and face.
+        """
+        heights = (line - self.plane.origin) @ self.plane.normal
+        if np.abs(heights).max() < IN_PLANE_MM:
+            return []
+        outlines = [np.asarray(p, float) for p in self.section.offset(room).to_polygons()]
+        found = []
+        for k in np.flatnonzero(np.diff(heights >= 0)):
+            step = line[k + 1] - line[k]
+            point = line[k] + heights[k] / (heights[k] - heights[k + 1]) * step
+            flat = (point - self.plane.origin) @ self.plane.axes[:, :2]
+            if inside_outlines(flat[None], outlines)[0]:
+                sine = abs(step @ self.plane.normal) / np.linalg.norm(step)
+                found.append((point, float(sine)))
+        return found
 
     def world(self, points: Float) -> Float:
         """Return points (n, 2) of the plane in the rest frame (n, 3)."""

@@ -18,6 +18,7 @@ class ActionKind(StrEnum):
     PRINT = "print"
     CAST = "cast"
     TRY_PINS = "try pins"
+    FACES = "prepare faces"
     CUT = "cut cord"
     CRIMP = "crimp"
     MARK = "mark"

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import chain, islice
+from math import ceil
 from typing import Any
 
 import jinja2
@@ -58,6 +59,7 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
         "manifest": manifest,
         "step_numbers": context.step_numbers,
         "cord": None,
+        "glue": find_glue(context.device),
         "measured_cords": (measured := [cords[e.cord] for e in action.expected]),
         "glued_cords": [
             c.sensor for c in measured if action.joint not in {s.joint for s in c.stretches}
@@ -69,7 +71,6 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
             "joint": joint,
             "sides": describe_sides(joint),
             "lower_parts": context.lower_parts[action.joint],
-            "glue": find_glue(context.device),
             "pins_by_pair": _pins_by_pair(joint, manifest),
             "wet_until": None if last is None else context.step_numbers[last],
         }
@@ -100,6 +101,7 @@ def _template() -> jinja2.Template:
     text_environment.filters = {  # an overlay shares those of the pages
         **text_environment.filters,
         "n": _format_number,
+        "n_up": lambda number: str(ceil(number)),
         "percent": "{:.0%}".format,
         "ohm": format_resistance,
         "names": join_names,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 
@@ -281,10 +282,9 @@ class JointPictures:
         """Mark in red where glue must stay away: along grooves of held cords, and at open walls."""
         for line in glueless_lines(self.device, self.layout, self.manifest, joint):
             drawing.rod(line, _RED_LINE_RADIUS_MM, _GLUELESS_COLOR)
-            drawing.legend["no glue between these lines"] = _GLUELESS_COLOR
+            drawing.legend["no glue between or inside these lines"] = _GLUELESS_COLOR
         for spot in self.manifest.assembly[joint.index].glueless:
-            drawing.ball(spot.at, self.device.channel_diameter, _GLUELESS_COLOR)
-            drawing.label(spot.at, f"no glue within {spot.reach:.0f} mm")
+            drawing.label(spot.at, f"no glue within {ceil(spot.reach)} mm")
 
     def _mark_glue(self, drawing: Drawing, cord: CutCord, end: int, joint: Joint) -> None:
         """Add a drop of glue at an end of a cord."""

@@ -149,6 +149,9 @@ class _Planner:
             self._add(ActionKind.CAST, {("moulds printed",)}, {("printed",)})
         if self._manifest.pins:
             self._add(ActionKind.TRY_PINS, {("printed",)}, {("pins tried",)})
+        if self._manifest.assembly:
+            pins_tried = {("pins tried",)} if self._manifest.pins else set()
+            self._add(ActionKind.FACES, {("printed",), *pins_tried}, {("faces",)})
 
     def _plan_pads(self, cord: CutCord) -> None:
         """Connect wires to the pads of a printed trace, and measure it."""
@@ -215,10 +218,9 @@ class _Planner:
         inner = inner_joints(self._manifest, j)
         wet = {i for i in inner if self._is_wet_until(i, j)}
         dry: set[Fact] = {("dry", i) if i in wet else ("set", i) for i in inner}
-        pins_tried: set[Fact] = {("pins tried",)} if self._manifest.pins else set()
         self._add(
             ActionKind.DRY_FIT,
-            {("printed",), *pins_tried, *dry},
+            {("faces",), *dry},
             {("dry", j)},
             {("closed", i) for i in (*wet, j)},
             joint=j,
@@ -235,8 +237,29 @@ class _Planner:
             for end in (0, 1):
                 if j in cord.ends[end].wire.joints:
                     before_closing |= self._route_wire(name, end, j)
+        if not self._is_bonded:
+            before_closing |= self._measure_joint(j, before_closing, ("closed", j))
         self._add(ActionKind.GLUE, before_closing, {("closed", j)}, joint=j)
         self._follow_joint(j)
+
+    def _measure_joint(self, j: int, requires: set[Fact], must_precede: Fact) -> set[Fact]:
+        """Measure the cords that joint j completes; return what is true afterwards.
+
+        Held cords are measured in the joint that is closed without glue, as it can be opened again.
+        Bonded cords are measured while the glue is wet.
+        """
+        finished_cords = self._cords_finished_by(j)
+        if not finished_cords:
+            return set()
+        self._add(
+            ActionKind.MEASURE,
+            requires,
+            {("measured", j)},
+            {must_precede},
+            joint=j,
+            expected=tuple(expect_installed(c) for c in finished_cords),
+        )
+        return {("measured", j)}
 
     def _is_wet_until(self, i: int, j: int) -> bool:
         """Return whether joint i, or one inside it, must not have set when joint j is closed."""
@@ -320,19 +343,11 @@ class _Planner:
         return effects
 
     def _follow_joint(self, j: int) -> None:
-        """Measure after a joint is closed, let it set, and finish the ends that waited for it."""
+        """Let a closed joint set, and finish the ends that waited for it."""
         wet_until = last_joint_while_wet(self._manifest, j)
-        finished_cords = self._cords_finished_by(j)
-        if finished_cords:
-            self._add(
-                ActionKind.MEASURE,
-                {("closed", j)},
-                {("measured", j)},
-                {("set", j)},
-                joint=j,
-                expected=tuple(expect_installed(c) for c in finished_cords),
-            )
-        requires: set[Fact] = {("closed", j), *({("measured", j)} if finished_cords else set())}
+        requires: set[Fact] = {("closed", j)}
+        if self._is_bonded:
+            requires |= self._measure_joint(j, {("closed", j)}, ("set", j))
         if wet_until is not None:
             is_measured = self._cords_finished_by(wet_until)
             requires.add(("measured", wet_until) if is_measured else ("closed", wet_until))

@@ -39,6 +39,7 @@ _OWN_STEPS = {
     ActionKind.PRINT,
     ActionKind.CAST,
     ActionKind.TRY_PINS,
+    ActionKind.FACES,
     ActionKind.CONNECT,
     ActionKind.CHECK,
 }
@@ -110,21 +111,19 @@ class GuideStep:
         title: Title of the step.
         joint: The joint that the step closes, or None.
         passages: Passages in their order.
+        identifier: A short hash of title, instructions and parts, by which pages remember finished
+            steps.
     """
 
     title: str
-    joint: Joint | None = None
-    passages: tuple[Passage, ...] = ()
+    joint: Joint | None
+    passages: tuple[Passage, ...]
+    identifier: str
 
     @property
     def lines(self) -> tuple[str, ...]:
         """Instructions of all passages."""
         return tuple(line for passage in self.passages for line in passage.lines)
-
-    @property
-    def identifier(self) -> str:
-        """A short hash of title and instructions, by which pages remember finished steps."""
-        return digest(self.title, *self.lines)
 
 
 def exploded_shifts(manifest: Manifest, parts: Mapping[str, Surface]) -> dict[str, Float]:
@@ -191,6 +190,7 @@ def guide_steps(
     }
     joints = [_describe_joint(j, manifest, parts) for j in range(len(manifest.assembly))]
     context = GuideContext(device, manifest, step_numbers, [joint.lower for joint in joints])
+    shapes = [s.vertices.tobytes() for s in parts.values()]
     steps = []
     for (kind, j), actions in groups:
         passages = tuple(
@@ -198,7 +198,11 @@ def guide_steps(
             for (illustration, _), group in groupby(actions, _passage_key)
         )
         joint = joints[j] if kind == "join" and j is not None else None
-        steps.append(GuideStep(_write_title(kind, j, actions, manifest), joint, passages))
+        title = _write_title(kind, j, actions, manifest)
+        lines = [line for passage in passages for line in passage.lines]
+        # Cords are cut and crimped before any part is touched.
+        made_of = () if kind == "cords" else shapes
+        steps.append(GuideStep(title, joint, passages, digest(title, *lines, *made_of)))
     return tuple(steps)
 
 
@@ -251,6 +255,7 @@ def _write_title(
         "pads": "Connect wires to the pads",
         "cast": "Cast the parts",
         "try pins": "Try the pins",
+        "prepare faces": "Prepare the faces that are glued",
         "cords": "Cut the cords and crimp their wires",
         "thread": f"Insert {_label_cords(actions)}",
         "check wiring": "Check the wiring",

@@ -19,6 +19,7 @@ from .plan import late_end
 from .steps import Joint
 
 _GLUELESS_MARGIN_MM = 1.5  # next to a groove that must stay free of glue
+_RING_POINTS = 33
 _OUTLINE_DEPTH_MM = 0.05  # below the face, where its outline is taken
 _MIN_POINT_DISTANCE_MM = 1e-6  # nearer points are the same
 
@@ -74,9 +75,10 @@ def cord_line(layout: LayoutRecord, cord: CutCord) -> CordLine:
 def glueless_lines(
     device: Device, layout: LayoutRecord, manifest: Manifest, joint: Joint
 ) -> list[Float]:
-    """Return the lines (p, 3) mm on both sides of a joint's grooves, between which is no glue.
+    """Return the lines (p, 3) mm that bound where no glue may be on the face of a joint.
 
-    Bonded cords have none: they are glued into their grooves.
+    They are on both sides of the grooves of held cords, and around the spots of `JoinStep`. Bonded
+    cords are glued into their grooves.
     """
     offset = device.channel_diameter / 2 + _GLUELESS_MARGIN_MM
     lines = []
@@ -88,7 +90,18 @@ def glueless_lines(
             sideways = np.cross(np.gradient(points, axis=0), joint.opens)
             sideways *= offset / np.linalg.norm(sideways, axis=1, keepdims=True)
             lines += [points + sideways, points - sideways]
+    in_face = lines[0][0] if lines else joint.pins[0].center if joint.pins else None
+    for spot in manifest.assembly[joint.index].glueless:
+        depth = 0.0 if in_face is None else float((in_face - spot.at) @ joint.opens)
+        lines.append(_ring(spot.at + depth * joint.opens, spot.reach, joint))
     return lines
+
+
+def _ring(center: Float, radius: float, joint: Joint) -> Float:
+    """Return a closed line (p, 3) in the face of a joint."""
+    angles = np.linspace(0, 2 * np.pi, _RING_POINTS)[:, None]
+    upwards = np.cross(joint.opens, joint.across)
+    return np.asarray(center + radius * (np.cos(angles) * joint.across + np.sin(angles) * upwards))
 
 
 @dataclass(frozen=True)

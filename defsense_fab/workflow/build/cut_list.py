@@ -293,7 +293,7 @@ def bill(
             )
         )
     rows += _read_out(device, len(cords))
-    if len(part_set.parts) > 1:
+    if len(part_set.parts) > 1 or any(e.joint == "free" for c in cords for e in c.ends):
         rows.append(_glue_item(device, copies * sum(c.area for c in part_set.contacts)))
     return tuple(rows)
 
@@ -365,12 +365,13 @@ def _read_out(device: Device, cords: int) -> list[BillItem]:
 
 
 def _glue_item(device: Device, area_mm2: float) -> BillItem:
-    """Return the glue for the faces of the joints."""
+    """Return the glue for the faces of the joints, or for ends of cords alone."""
     glue = find_glue(device)
+    use = "joins the parts" if area_mm2 else "holds ends of cords that have no pocket"
     return BillItem(
         f"glue: {glue.kind}",
-        f"{area_mm2 / 100:.0f} cm2 of faces",
-        f"joins the parts; {glue.example}, for example",
+        f"{area_mm2 / 100:.0f} cm2 of faces" if area_mm2 else "some drops",
+        f"{use}; {glue.example}, for example",
         "glue",
         area_mm2 / 1e4,
     )

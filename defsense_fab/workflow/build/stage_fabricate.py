@@ -6,12 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from ...core.arrays import Float
 from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...core.progress import subrange
 from ...geometry.moulds.moulds import make_moulds
 from ...geometry.moulds.records import Mould
+from ...geometry.parts.channel_openings import MIN_CROSSING_ANGLE_RAD
 from ...geometry.parts.parts import add_solids
 from ...geometry.parts.records import PartSet
 from ...geometry.printing.export import write_3mf, write_stl
@@ -57,6 +60,8 @@ from ..fabrication.printing import (
 from .cut_list import behind, bill, cut_list
 from .stage_optimize import Winner, require_feasible_layout
 from .stages import Report
+
+_GLUE_MARGIN_MM = 2.0  # next to a channel, which a hand with a glue bottle can keep free
 
 #: Assumed response of bonded cords to compression, by `[cord] compression`.
 COMPRESSION_RESPONSES = {
@@ -374,6 +379,24 @@ def _part(parts: PartSet, i: int, cast: bool, supports: Mapping[str, Overhang]) 
     )
 
 
+def _glueless_spots(parts: PartSet, cut: int) -> list[GluelessSpot]:
+    """Return the spots of the faces of a cut where glue would flow into a channel."""
+    radius = parts.rules.channel / 2
+    spots = [
+        GluelessSpot(parts.channels[o.line].name, o.at, max(o.reach, _GLUE_MARGIN_MM))
+        for o in parts.openings
+        if o.cut == cut
+    ]
+    for contact in (c for c in parts.contacts if c.cut == cut):
+        for channel in parts.channels:
+            for at, sine in contact.crossings(channel.inside, 2 * radius):
+                near = (s for s in spots if s.cord == channel.name)
+                if all(np.linalg.norm(s.at - at) > s.reach for s in near):
+                    reach = (radius + _GLUE_MARGIN_MM) / max(sine, np.sin(MIN_CROSSING_ANGLE_RAD))
+                    spots.append(GluelessSpot(channel.name, at, reach, is_crossing=True))
+    return spots
+
+
 def _assembly(parts: PartSet) -> tuple[JoinStep, ...]:
     """Return the steps that close the device, which are the cuts in reverse order."""
     steps = []
@@ -400,11 +423,7 @@ def _assembly(parts: PartSet) -> tuple[JoinStep, ...]:
                     for p in parts.pins
                     if parts.contacts[p.contact].cut == k
                 ),
-                glueless=tuple(
-                    GluelessSpot(parts.channels[o.line].name, o.at, o.length)
-                    for o in parts.openings
-                    if o.cut == k
-                ),
+                glueless=tuple(_glueless_spots(parts, k)),
             )
         )
     return tuple(steps)

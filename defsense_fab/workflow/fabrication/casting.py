@@ -147,9 +147,6 @@ def _write_steps(
         f" {orders}.",
         "Cut off the stubs of funnel and vents flush with the face, and the thin skins at the ends"
         " of the grooves and along the seams.",
-        "Only silicone bonds to cured silicone. Where these steps say glue, use a silicone glue"
-        " (such as Sil-Poxy) or a little of the same silicone, on faces that you have cleaned of"
-        " release agent with alcohol.",
     ]
     return steps
 

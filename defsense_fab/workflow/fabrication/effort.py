@@ -15,8 +15,8 @@ from ...core.device.glues import find_glue
 from ...core.device.prices import Prices
 from ...core.progress import describe_duration
 from ...core.storage.package_data import read_rows
-from ...report.guide.actions import Action
-from ...report.guide.plan import plan_actions
+from ...report.guide.actions import Action, ActionKind
+from ...report.guide.plan import last_joint_while_wet, plan_actions
 from ...report.guide.tables import GuideTable
 from ...store.manifest import BillItem, CutCord, Manifest
 from .print_time import pieces_on_plate, print_hours
@@ -159,8 +159,8 @@ def effort_table(device: Device, manifest: Manifest) -> GuideTable:
             (
                 "waiting",
                 describe_duration(3600 * time.cure_hours),
-                f"{describe_count(time.cures, 'wait')} of {_each(time)} until the glue holds,"
-                f" {describe_duration(3600 * glue.cure_hours)} more for its full strength"
+                f"{describe_count(time.cures, 'wait')} of {_each(time)} until the glue holds; it"
+                f" has its full strength after {describe_duration(3600 * glue.cure_hours)}"
                 f" ({glue.kind}, data/{_GLUES})",
             )
         )
@@ -274,7 +274,8 @@ def assembly_time(manifest: Manifest, press_hours: float) -> AssemblyTime:
     """Return the time to assemble all copies, by the actions of the guide.
 
     Plates and their pieces are those of all copies; everything else is done for each copy. Glue of
-    all copies sets at the same time; they are cast in the same moulds, one after another.
+    all copies sets at the same time, and so does that of joints that are closed one after another
+    while it is wet; copies are cast in the same moulds, one after another.
 
     Args:
         manifest: The manifest of the device's parts.
@@ -289,12 +290,18 @@ def assembly_time(manifest: Manifest, press_hours: float) -> AssemblyTime:
                 continue
             copies = 1 if row["each"] in ("plate", "piece") else manifest.copies
             minutes += copies * counts[row["each"]] * float(row["minutes"] or 0)
-            if row["waits"] == "glue":
+            if row["waits"] == "glue" and not _sets_later(action, manifest):
                 cures += 1
                 cure_hours += press_hours
     casting = manifest.casting
     casting_hours = manifest.copies * (casting.cure or 0.0) if casting else 0.0
     return AssemblyTime(minutes, cures, cure_hours, casting_hours)
+
+
+def _sets_later(action: Action, manifest: Manifest) -> bool:
+    """Return whether a joint sets together with a later one, which is closed while it is wet."""
+    j = action.joint if action.kind is ActionKind.SET else None
+    return j is not None and last_joint_while_wet(manifest, j) is not None
 
 
 def _counts(action: Action, manifest: Manifest) -> Mapping[str, float]:
@@ -310,6 +317,7 @@ def _counts(action: Action, manifest: Manifest) -> Mapping[str, float]:
         "piece": sum(len(plate.parts) for plate in manifest.plates),
         "mould": len(manifest.moulds),
         "pin": sum(pin.count for pin in manifest.pins),
+        "joint": len(manifest.assembly),
         "wire": 2 * len(manifest.cords),
         "cord": len(manifest.cords),
         "100 mm": length / 100,

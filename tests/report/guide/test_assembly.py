@@ -98,6 +98,7 @@ def move_action(guide, kind, before=None, behind=None):
         ("glue end", {"behind": "glue joint"}, "glue end"),
         ("mark", {"behind": "trim"}, "trim"),
         ("print", {"behind": "try pins"}, "try pins"),
+        ("prepare faces", {"behind": "lay"}, "prepare faces"),
         ("cut cord", {"behind": "crimp"}, "crimp"),
     ],
 )
@@ -197,9 +198,10 @@ def test_a_device_of_one_part_is_only_printed():
     assert kinds == [["print"], ["wire to the board"]]
 
 
-def test_a_cord_without_a_joint_is_threaded():
+@pytest.mark.parametrize("ends", [["mouth", "mouth"], ["outside", "outside"]])
+def test_a_cord_without_a_joint_is_threaded(ends):
     some = blocks(0, 0)
-    cord = blocks(1, 1, ends=[["mouth", "mouth"]]).manifest.cords[0]
+    cord = blocks(1, 1, ends=[ends]).manifest.cords[0]
     manifest = replace(some.manifest, cords=(replace(cord, stretches=(), drawn=()),))
     kinds = [a["do"] for a in actions_of(guide_of(replace(some, manifest=manifest)))]
     order = ["cut cord", "crimp", "mark", "thread", "pull out", "trim", "let in"]
@@ -222,6 +224,20 @@ def test_measurements_have_the_expected_values():
         assert all(f"{value[k]:.0f}" in row["lines"][0] for k in ("about", "low", "high"))
 
 
+@pytest.mark.parametrize("assembly", ["held", "bonded"])
+def test_joints_are_measured_while_they_can_be_opened(assembly):
+    """Those of held cords without glue, those of bonded cords while the glue is wet."""
+    some = blocks(1, 3, assembly, ends=MOUTHS)
+    actions = actions_of(guide_of(some))
+    order = [(a["do"], a["joint"]) for a in actions if "joint" in a and "cord" not in a]
+    measured = [j for kind, j in order if kind == "measure"]
+    assert measured
+    for j in measured:
+        at, glued = order.index(("measure", j)), order.index(("glue joint", j))
+        assert (at < glued) == (assembly == "held")
+        assert at < order.index(("let set", j))
+
+
 def test_the_step_of_a_joint_mentions_wires_that_cross_it():
     some = blocks(1, 1, ends=MOUTHS)
     last = len(some.manifest.assembly) - 1
@@ -242,13 +258,27 @@ def test_the_step_of_a_joint_mentions_wires_that_cross_it():
 def test_the_step_of_a_joint_names_spots_without_glue():
     some = blocks(1, 1, ends=MOUTHS)
     *others, last = some.manifest.assembly
-    spot = GluelessSpot("cord-0", np.array([1.0, 2.0, 3.0]), 12.0)
+    spot = GluelessSpot("cord-0", np.array([1.0, 2.0, 3.0]), 5.4)
     assembly = (*others, replace(last, glueless=(spot,)))
     changed = replace(some, manifest=replace(some.manifest, assembly=assembly))
     glued, plain = (actions_of(guide_of(each), "glue joint") for each in (changed, some))
     (line,) = set(glued[-1]["lines"]) - set(plain[-1]["lines"])
     assert "cord-0" in line
     assert "(1.0, 2.0, 3.0)" in line
+    assert "6 mm" in line  # rounded up
+
+
+def test_other_parts_need_all_steps_again_but_those_of_the_cords():
+    some = blocks(1, 1, ends=MOUTHS)
+    name, surface = next(iter(some.parts.items()))
+    moved = replace(surface, vertices=surface.vertices + 1e-3)
+    one, same, other = (
+        {s.title: s.identifier for s in guide_steps(some.device, some.manifest, parts)}
+        for parts in (some.parts, dict(some.parts), {**some.parts, name: moved})
+    )
+    assert one == same
+    kept = [title for title in one if other[title] == one[title]]
+    assert kept == [title for title in one if title.startswith("Cut ")]
 
 
 def test_pins_after_z_have_two_letters():

@@ -46,6 +46,12 @@ class Assembler(State):
         self._check(("printed",) in self._done, "pins are tried before they are printed")
         self._done.add(("tried",))
 
+    def _prepare_faces(self, *_: Any) -> None:
+        self._check(("printed",) in self._done, "faces are prepared before they are printed")
+        laid = [c.name for c in self.cords.values() if c.line.inserted.any() and self._laid(c)]
+        self._check(not laid, f"faces are prepared while {laid} are in their grooves")
+        self._done.add(("faces",))
+
     def _cut_cord(self, action: Any, c: Cord, *_: Any) -> None:
         self._check(c.cut is None, f"{c.name} is cut twice")
         c.cut = action["mm"]
@@ -74,12 +80,14 @@ class Assembler(State):
     def _dry_fit(self, _: Any, __: Any, ___: Any, j: int) -> None:
         self._check(("printed",) in self._done, f"joint {j} is tried before its parts are printed")
         self._check(("glued", j) not in self._done, f"joint {j} is tried dry after it was glued")
+        self._check(("faces",) in self._done, f"joint {j} is tried before its faces are prepared")
         if self._pins[j]:
             self._check(("tried",) in self._done, f"joint {j} is tried before its pins")
         for i in self._inner(j):
             ready = ("set", i) in self._done or (self._bonded and ("dry", i) in self._done)
             self._check(ready, f"joint {j} is tried before joint {i} has set")
         self._done.add(("dry", j))
+        self._tried_at[j] = self._time
 
     def _pins_in(self, _: Any, __: Any, ___: Any, j: int) -> None:
         self._check(("dry", j) in self._done, f"pins of joint {j} are inserted before it was tried")
@@ -168,10 +176,7 @@ class Assembler(State):
         }
         for cord in self.cords.values():
             self._draw(cord, j)
-        names = self._joints[j][0] | self._joints[j][1]
-        piece = min(self._piece[n] for n in names)
-        old = {self._piece[n] for n in names}
-        self._piece = {n: piece if k in old else k for n, k in self._piece.items()}
+        self._piece = self._joined(j)
         self._done.add(("glued", j))
         self._closed_at[j] = self._time
         for c in self.cords.values():
@@ -229,8 +234,8 @@ class Assembler(State):
         self._done.add(("set", j))
         for c in self.cords.values():
             if self._whole(c) and all(c.crimped) and self._in_place(c):
-                since = self._closed_at.get(j, 0)
-                self._check(c.measured > since, f"{c.name} is not measured after joint {j}")
+                since = (self._closed_at if self._bonded else self._tried_at).get(j, 0)
+                self._check(c.measured > since, f"{c.name} is not measured in joint {j}")
 
     def _pull_out(self, _: Any, c: Cord, end: int, __: Any) -> None:
         self._check(self._whole(c), f"{c.name} is pulled out before its joints are closed")
@@ -251,7 +256,13 @@ class Assembler(State):
         self._check(c.crimped[end], f"{c.name} is let back in without its ferrule")
         c.out[end], c.let_in[end] = False, True
 
-    def _measure(self, action: Any, *_: Any) -> None:
+    def _measure(self, action: Any, cord: Any, _: Any, j: int | None) -> None:
+        open_again = dict(self._piece)
+        if j is not None and cord is None and not self._bonded:  # in the joint, closed without glue
+            self._check(("glued", j) not in self._done, f"joint {j} is measured after it was glued")
+            for c in self.cords.values():
+                self._draw(c, j)
+            self._piece = self._joined(j)
         for reading in action["ohm"]:
             c = self.cords[reading["cord"]]
             self._check(all(c.crimped), f"{c.name} is measured before it has both wires")
@@ -265,6 +276,7 @@ class Assembler(State):
             right = c.record["resistance" if inserted else "resistance_before"]
             self._check(abs(reading["about"] - right) < 1.0, f"{c.name} has another resistance")
             c.measured = self._time
+        self._piece = open_again
 
     def _wire_to_the_board(self, *_: Any) -> None:
         for c in self.cords.values():

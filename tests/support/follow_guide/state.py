@@ -45,6 +45,7 @@ class State:
         self._ferrule, self._max_strain = ferrule, max_strain
         self._done: set[tuple[Any, ...]] = set()
         self._number, self._time = 0, 0
+        self._tried_at: dict[int, int] = {}
         self._closed_at: dict[int, int] = {}
         self._kind = ""
         self.complaints: list[str] = []
@@ -65,6 +66,16 @@ class State:
                 for a, b in line.pairs
             ]
         )
+
+    def _joined(self, j: int) -> dict[str, int]:
+        """Return the piece that each part belongs to once joint j is closed."""
+        names = self._joints[j][0] | self._joints[j][1]
+        old = {self._piece[n] for n in names}
+        return {n: min(old) if k in old else k for n, k in self._piece.items()}
+
+    def _laid(self, c: Cord) -> bool:
+        """Return whether some joint holds a cord in its groove."""
+        return any(c.name in names for names in self._laid_in)
 
     def _enclosed(self, cord: Cord, end: int) -> bool:
         """Return whether an end is in a closed joint, and not pulled out."""

@@ -8,7 +8,7 @@ from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.device.prices import Prices
 from defsense_fab.core.storage.package_data import read_rows
 from defsense_fab.report.guide.actions import ActionKind
-from defsense_fab.report.guide.plan import plan_actions
+from defsense_fab.report.guide.plan import last_joint_while_wet, plan_actions
 from defsense_fab.store.manifest import BillItem
 from defsense_fab.workflow.fabrication.effort import (
     assembly_time,
@@ -53,6 +53,7 @@ def test_the_time_of_assembly_is_that_of_the_actions(manifest):
         "plate": 1,
         "piece": len(manifest.parts),
         "pin": sum(p.count for p in manifest.pins),
+        "joint": len(manifest.assembly),
         "wire": 2 * len(manifest.cords),
         "cord": len(manifest.cords),
         "100 mm": length / 100,
@@ -66,6 +67,18 @@ def test_the_time_of_assembly_is_that_of_the_actions(manifest):
     waits = [k for k in kinds if k in (ActionKind.SET, ActionKind.SET_END)]
     assert len(waits) >= len(manifest.assembly)
     assert (time.cures, time.cure_hours) == (len(waits), pytest.approx(1.5 * len(waits)))
+
+
+def test_joints_that_are_closed_while_wet_set_together():
+    manifest = next(
+        m
+        for m in (blocks(seed, 3, "bonded").manifest for seed in range(20))
+        if any(last_joint_while_wet(m, j) is not None for j in range(len(m.assembly)))
+    )
+    wet = [j for j in range(len(manifest.assembly)) if last_joint_while_wet(manifest, j) is None]
+    ends = [a for a in plan_actions(manifest) if a.kind is ActionKind.SET_END]
+    assert len(wet) < len(manifest.assembly)
+    assert assembly_time(manifest, 24.0).cures == len(wet) + len(ends)
 
 
 def test_copies_take_as_many_times_the_work_but_cure_together(manifest):
