@@ -154,8 +154,8 @@ def rms_distance(points: Float, others: Float) -> float:
 def _travel(points: Float, rest_points: Float) -> float:
     """Return the largest distance, mm, of points (t, m, 3) from rest, without the rarest ones."""
     distances = np.linalg.norm(points - rest_points, axis=2)
-    seen = distances[:, np.isfinite(distances).any(axis=0)]
-    return float(np.nanquantile(seen, _TRAVEL_QUANTILE, axis=0).max(initial=0.0))
+    visible = distances[:, np.isfinite(distances).any(axis=0)]
+    return float(np.nanquantile(visible, _TRAVEL_QUANTILE, axis=0).max(initial=0.0))
 
 
 def decode(model: TrainedModel, frames: Frames) -> Float:
