@@ -174,7 +174,7 @@ def optimize_layout(
         if not best.layout:
             raise
     if not best.layout:
-        raise no_room_error(problem, len(drawn) + search.extra)
+        raise no_room_error(problem, len(drawn) + search.extra, search.planes)
     return OptimizedLayout(best.layout, *best.rank[::-1], tuple(errors), initial or best.layout)
 
 
@@ -216,7 +216,7 @@ def improve_layout(
         if not best.layout:
             raise
     if not best.layout:
-        raise no_room_error(problem, len(sensors))
+        raise no_room_error(problem, len(sensors), planes)
     return OptimizedLayout(best.layout, *best.rank[::-1], (error,), sensors)
 
 

@@ -246,12 +246,13 @@ def family_pool(
     return build_pool(problem, [partial(make, f, r) for f, r in zip(families, rngs, strict=True)])
 
 
-def no_room_error(problem: Problem, count: int) -> LayoutError:
+def no_room_error(problem: Problem, count: int, planes: int | None = None) -> LayoutError:
     """Return the error for a body in which so many cords do not fit.
 
     Args:
         problem: The problem.
         count: Number of cords that were requested.
+        planes: Largest number of their planes; None for no limit.
     """
     limits, lengths = problem.limits, ""
     noun, ends = ("cord", ", with pockets or free ends") if limits.is_cut else ("trace", "")
@@ -263,9 +264,13 @@ def no_room_error(problem: Problem, count: int) -> LayoutError:
         lengths += ", with both ends of each in the regions of [wires] exit"
     if limits.kept_whole:
         lengths += ", and whose planes and channels avoid those of [fabrication] keep_whole"
-    count_found = _count_that_fits(problem, count)
-    advice = "Ask for fewer"
-    if 0 < count_found < count:
+    advice, count_found = "Ask for fewer", None
+    if planes is not None:
+        lengths += f", in at most {planes} plane{'s' * (planes > 1)}"
+        advice += ", allow more planes in [design] planes"
+    else:
+        count_found = _count_that_fits(problem, count)
+    if count_found is not None and 0 < count_found < count:
         advice = f"Ask for {count_found}, for which room was found"
     return LayoutError(
         f"no layout of {count} {noun}s was found that keeps their walls and clearances{lengths}",
@@ -274,8 +279,9 @@ def no_room_error(problem: Problem, count: int) -> LayoutError:
         action=f"{advice}, or draw them as [[sensors]]",
         key="design.sensors",
         count=count,
+        planes=planes,
         found=count_found,
-        suggested=count_found if 0 < count_found < count else None,
+        suggested=count_found if count_found is not None and 0 < count_found < count else None,
         shortest=limits.shortest,
         longest=limits.longest,
     )

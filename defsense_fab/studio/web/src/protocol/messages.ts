@@ -1737,7 +1737,7 @@ export interface GuideStage {
  *         upper: Names of the parts that are lifted.
  *         lift: Displacement (3,) of the lifted parts in the open joint, mm.
  *         wires: Lines (p, 3) of the wires, mm.
- *         glueless: Lines (p, 3) mm between which must be no glue, on both sides of grooves.
+ *         glueless: Lines (p, 3) mm that bound where no glue may be: along grooves, and rings.
  *         pins: The pins.
  */
 export interface GuideJoint {

@@ -1,5 +1,6 @@
 // A list of the guide as a table that fits into a narrow panel.
 import type { GuideList as List } from "../../protocol/messages";
+import { inPageWords } from "../../state/page-words";
 
 /** More columns are shown as rows. */
 const MAX_COLUMNS = 4;
@@ -7,8 +8,9 @@ const MAX_COLUMNS = 4;
 const IS_QUANTITY = /^[\d.,]+( [x×] [\d.,]+)*( \S{1,3})?$/;
 
 /** A list; what is the same in all rows stands above it. */
-export function GuideList({ list }: { list: List }) {
-  const { header, rows } = list;
+export function GuideList({ list: { title, header, rows: texts } }: { list: List }) {
+  const rows = texts.map((row) => row.map(inPageWords));
+  const list = { title, header, rows };
   if (rows.length === 0) return <p class="muted">No entries</p>;
   const isShared = (k: number) => k > 0 && rows.length > 1 && rows.every((row) => row[k] === rows[0]![k]);
   const columns = header.map((_, k) => k);

@@ -1,6 +1,7 @@
 import { useEffect, useRef } from "preact/hooks";
 import type { GuideStage } from "../../protocol/messages";
 import { isPhone } from "../../state/layout";
+import { inPageWords } from "../../state/page-words";
 import { IconButton } from "../../ui/button";
 import { Checkbox } from "../../ui/choices";
 import { isDone, showStage, stage, stageIndex, stages, tick } from "./state";
@@ -40,7 +41,7 @@ function Card({ shown, index }: { shown: GuideStage; index: number }) {
       {shown.passages.map((lines, k) => (
         <ul key={k}>
           {lines.map((line) => (
-            <li key={line}>{line}</li>
+            <li key={line}>{inPageWords(line)}</li>
           ))}
         </ul>
       ))}
