@@ -39,10 +39,22 @@ def describe_error(error: float, travel: float, size: float | None = None) -> st
         size: Longest side of the body, mm; None to leave it out.
     """
     if travel <= 0:
-        return f"{error:.2f} mm, and nothing moves"
+        return describe_share(error, travel)
     body = "" if size is None else f" (the body is {_short(size)} mm long)"
-    share = f"{_short(100 * error / travel)} % of the {_short(travel)} mm it moves"
-    return f"{error:.2f} mm, {share}: {grade_error(error, travel)}{body}"
+    return f"{describe_share(error, travel)}: {grade_error(error, travel)}{body}"
+
+
+def describe_share(error: float, travel: float) -> str:
+    """Return an error with its share of the movement, as in "0.49 mm, 0.94 % of the 52 mm it
+    moves".
+
+    Args:
+        error: Root mean square error of the surface or of markers, mm.
+        travel: Largest movement of the same points, mm.
+    """
+    if travel <= 0:
+        return f"{error:.2f} mm, and nothing moves"
+    return f"{error:.2f} mm, {_short(100 * error / travel)} % of the {_short(travel)} mm it moves"
 
 
 def _short(value: float) -> str:

@@ -90,7 +90,8 @@ def surface_errors(build: Build) -> SurfaceErrors:
     shown = _fullest(fields.weights, fields.held_out)
     held_out = np.flatnonzero(fields.held_out)
     if len(held_out):
-        shown.append(int(held_out[(error[held_out] ** 2).mean(axis=1).argmax()]))
+        with_noise = build.layout.prediction.held_out
+        shown.append(int(max(held_out, key=lambda k: with_noise[fields.names[k]])))
     return SurfaceErrors(
         fields.names,
         fields.weights,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...decoding.error_scale import describe_error, grade_error
+from ...decoding.error_scale import describe_share, grade_error
 from ...store.build import Build
 
 
@@ -34,15 +34,21 @@ def pose_errors(build: Build) -> dict[str, tuple[float, float]]:
 
 
 def warn_of_poor_poses(build: Build, noun: str) -> list[str]:
-    """Return a sentence for each pose whose error is poor for how far it moves the surface.
+    """Return a sentence on the poses whose error is poor for how far they move the surface.
 
     Args:
         build: The built device.
         noun: What texts call one sensor of it, such as "cord".
     """
-    return [
-        f"{pose} is sensed poorly, in the parts with noise: {describe_error(error, travel)}. A"
-        f" {noun} that this pose stretches more would help, and so would a larger amplitude"
+    poor = [
+        f"{pose} ({describe_share(error, travel)})"
         for pose, (error, travel) in pose_errors(build).items()
         if grade_error(error, travel) == "poor"
+    ]
+    if not poor:
+        return []
+    are, they = ("are", "they stretch") if len(poor) > 1 else ("is", "it stretches")
+    return [
+        f"{', '.join(poor)} {are} sensed poorly, in the parts with noise. A {noun} that {they} more"
+        " would help, and so would a larger amplitude"
     ]

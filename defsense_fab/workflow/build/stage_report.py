@@ -97,6 +97,7 @@ def run(device: Device, build: Build, report: Report) -> None:
             "scale": SCALE,
         },
         states=_state_rows(device, build),
+        state_words={s.state: state_words(s.weights) for s in build.field_index.states},
         answers=COMPRESSION_RESPONSES,
         images=images,
         view3d=viewer,
