@@ -157,7 +157,7 @@ def insert(folder):
 
 def closing(folder):
     """Save the guide's picture of a joint that is closed, with its red lines."""
-    from_guide(folder, "Glue the faces", "closing")
+    from_guide(folder, "Close the joint without glue", "closing")
 
 
 def plate(folder):
