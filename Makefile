@@ -15,7 +15,7 @@ PYTEST = cache=$$(mktemp -d) && trap 'rm -rf "$$cache"' EXIT && DEFSENSE_CACHE="
 
 .PHONY: demo test tests quick bench setup check guide clean
 
-# Only what a build needs: 102 of the 177 packages of `make setup`.
+# Only what a build needs: 103 of the 174 packages of `make setup`.
 demo: $(VENV)/.core
 	$(BIN)/defsense build fixtures/devices/joystick
 

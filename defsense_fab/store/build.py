@@ -136,6 +136,12 @@ class Build:
         """The printable parts, the cut list and the steps of assembly."""
         return load_manifest(self.folder)
 
+    @property
+    def reference_resistors(self) -> tuple[float, ...]:
+        """The dividers' resistors in the assembly guide, in the order of the channels, ohm."""
+        proposed = {c.sensor: c.reference_resistor for c in self.manifest.cords}
+        return tuple(proposed[cord.name] for cord in self.layout.by_channel())
+
     @cached_property
     def parts(self) -> dict[str, Surface]:
         """The parts' surfaces as assembled, mm, rest frame, by name."""

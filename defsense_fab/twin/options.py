@@ -30,7 +30,7 @@ class TwinOptions:
 
     Attributes:
         minutes: Set the duration of each session in minutes.
-        sessions: Set the number of sessions of the same unit, one day apart.
+        sessions: Set the number of sessions of the same unit, 20 hours apart.
         seed: Set the random seed of the hand's path.
         unit: Choose the built unit, with its tolerances and pieces of cord.
         cords: Choose the family of the cords' memory: viscoelastic (assumed), hysteretic (fitted

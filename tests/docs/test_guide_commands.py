@@ -73,7 +73,7 @@ ELSEWHERE = {
             "board check my-joystick --port twin:unit=2 --auto",
     },
     "clearance": {
-        "calibrate clearance my-device --fits 0.25": "calibrate clearance my-joystick --fits 0.25",
+        "calibrate clearance my-device --fits 0.3": "calibrate clearance my-joystick --fits 0.3",
     },
     "machine": {
         "doctor": "",

@@ -24,7 +24,7 @@ from .intrinsics import find_board_pose
 
 #: A board of another size, sources in another order, zoom or focus, a camera's place.
 Kind = Literal["board", "order", "lens", "moved"]
-PAIR_VIEWS = 4  # that two sources are compared by, before all views tell
+PAIR_VIEWS = 4  # that two sources are compared by, before all views are used
 MAX_ORDERS = 24  # orders at most that are compared by all views
 MAX_REMAINING_ERROR = 0.5  # of the corners' error may be left, for a size that explains it
 

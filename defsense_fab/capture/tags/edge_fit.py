@@ -136,7 +136,7 @@ def _use_detected_line(ideal, k, cx, cy, line, spread):  # type: ignore[no-untyp
 def _use_detected_covariance(lines, covariance):  # type: ignore[no-untyped-def]
     """Write the covariance (5, 2, 2) of the detector's corners, and of their mean.
 
-    Two lines that meet at a small angle, as on a slanted tag, hardly tell where along them they do.
+    Two lines that meet at a small angle, as on a slanted tag, hardly show where along them they do.
     """
     covariance[4] = 0.0
     for k in range(4):

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _PORTS = (
     "/dev/ttyUSB0, COM3, socket://host:port, udp://HOST or tcp://HOST (Wi-Fi; HOST may be the name"
-    " of a paired board), or twin (twin:speed=20,k=2,seed=1)"
+    " of a paired board), or twin"
 )
 Port = Annotated[str, Parameter(help=f"Set the port of the read-out board: {_PORTS}")]
 

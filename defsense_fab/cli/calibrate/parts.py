@@ -41,7 +41,7 @@ specimen = command(
 coupon = command("coupon", "defsense calibrate coupon my-coupon --clearances 0.1,0.2,0.3,0.4")
 clearance = command(
     "clearance",
-    "defsense calibrate clearance my-device --fits 0.25",
+    "defsense calibrate clearance my-device --fits 0.3",
     "defsense calibrate clearance my-device --reset",
 )
 

@@ -57,8 +57,8 @@ class BodyTable(Table, frozen=True):
         str | None,
         key(
             "Python file next to `device.toml` whose function `body(**parameters)` returns one"
-            " build123d or CadQuery solid, in mm; it runs in its own process (`docs/studio.md`"
-            " explains how it declares bounds for sliders).",
+            " build123d or CadQuery solid, in mm; it runs in its own process"
+            " (`docs/studio-keys.md` explains how it declares bounds for sliders).",
             default="this, `step` or `mesh`",
         ),
     ] = None

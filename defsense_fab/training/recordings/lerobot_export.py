@@ -26,7 +26,7 @@ from .dataset_parquet import parquet_library
 
 _VERSION, _CHUNK_EPISODES = "v2.1", 1000
 _EPISODE_FILE = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
-_TASK = "tell the markers' places from the signals"
+_TASK = "find the places of the markers from the signals"
 _COUNTERS = ("frame_index", "episode_index", "index", "task_index")
 
 

@@ -96,7 +96,7 @@ class PoseSpace:
         """Exponents (q, r) of the polynomial terms.
 
         Terms of second degree are used if there are enough states. Terms that the states cannot
-        tell from the others are dropped.
+        distinguish from the others are dropped.
         """
         r = self.axes.shape[0]
         unit = np.eye(r, dtype=int)

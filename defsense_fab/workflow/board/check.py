@@ -32,7 +32,7 @@ from ...store.manifest import MANIFEST
 from ...twin.live.wiring_twin import WiringTwin, WiringTwinOptions
 from ...twin.options import TWIN
 from ..view import open_guided_page
-from .expected_cords import expected_cords, reference_of_build
+from .expected_cords import expected_cords
 from .options import CheckOptions
 
 _DEFAULT_OPTIONS = CheckOptions()
@@ -101,7 +101,7 @@ def check_board(
     device = load_device(folder)
     build = Build(finished_build(device, LAYOUT, INDEX, MANIFEST))
     cords = expected_cords(device, build)
-    proposed = options.reference or reference_of_build(build)
+    proposed = options.reference or build.reference_resistors
     reference = tuple(reference_resistors(proposed, len(cords)))
     deviation = rest_deviation(cords)
     poses = choose_poses(cords, deviation) if options.poses else ()

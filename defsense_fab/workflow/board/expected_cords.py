@@ -57,12 +57,6 @@ def expected_cords(device: Device, build: Build) -> list[ExpectedCord]:
     return out
 
 
-def reference_of_build(build: Build) -> tuple[float, ...]:
-    """Return the reference resistors that the build proposes, in the order of the channels, ohm."""
-    cut = {c.sensor: c.reference_resistor for c in build.manifest.cords}
-    return tuple(cut[r.name] for r in build.layout.by_channel())
-
-
 def _pose_changes(device: Device, build: Build) -> dict[str, Mapping[str, Change]]:
     """Return the changes by cord and pose, for poses that were simulated to their full extent."""
     states = build.fields

@@ -24,7 +24,7 @@ class RunOptions:
         rate: Set the sampling rate in Hz.
         rest: Set the resistances at rest in ohm (default: measured at the start).
         reference: Set the reference resistors of the voltage dividers in ohm (default: those of
-            the training).
+            the training, else of the assembly guide).
         surface: Choose how the surface is computed: from the simulated states and as rigidly as
             possible beyond them (default), or by either method alone (basis, arap).
         fallback: Decode without a cord that is lost, rather than as if it were connected.

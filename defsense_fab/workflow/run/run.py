@@ -14,6 +14,7 @@ from ...capture.readout.network_url import FORGERY_WARNING, is_forgeable
 from ...capture.readout.source import RecordingEnd as RecordingEnd
 from ...capture.readout.source import Source
 from ...core.arrays import Float
+from ...core.device.build_folder import build_folder
 from ...core.errors import ControlError, DefsenseError, LiveError
 from ...core.progress import Progress, silent
 from ...runtime.controls.control_bank import ControlBank
@@ -41,6 +42,8 @@ from ...runtime.view.live_place import LivePlace
 from ...runtime.view.panel_actions import PanelActions
 from ...runtime.view.viewed_device import ViewedDevice
 from ...sensing.voltage_divider import REFERENCE_OHM, reference_resistors
+from ...store.build import Build
+from ...store.manifest import MANIFEST
 from ...twin.recordings.walking_board import WalkingBoard
 from .live_device import LiveDevice, device_surface, typical_marker_sd
 from .options import RunOptions
@@ -385,7 +388,8 @@ def _choose_reference(
 ) -> Float:
     """Return the dividers' resistors (c,), ohm, in the model's order.
 
-    They are those of the options, else of the training, else of the twin, else the default.
+    They are those of the options, else of the training, else of the twin, else of the assembly
+    guide, else the default.
     """
     if options.reference is not None:
         return _in_model_order(live, "reference", options.reference)
@@ -394,6 +398,9 @@ def _choose_reference(
     order = [live.board_channels.index(name) for name in live.model.channels]
     if twin is not None:
         return twin.runs.converter.reference[order]
+    build = None if live.device is None else Build(build_folder(live.device))
+    if build is not None and (build.folder / MANIFEST).exists():
+        return np.array(build.reference_resistors)[order]
     text = (
         f"the resistors of the dividers are unknown: {REFERENCE_OHM:g} ohm is assumed for each;"
         " give their values as reference"

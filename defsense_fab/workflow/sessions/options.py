@@ -35,7 +35,7 @@ class RecordOptions:
         free: Set the time of free movement at the end of each round in s.
         rest: Set the time of rest at the start and the end in s.
         reference: Set the reference resistors of the voltage dividers in ohm, or one for all
-            (default: 2200, or that of a twin).
+            (default: those of the assembly guide, that of a twin, or 2200).
         rate: Set the sampling rate in Hz.
         unit: Set the name of the unit, if several devices are built alike.
         video: Keep the pictures too: lossless, about 10 MB per second.

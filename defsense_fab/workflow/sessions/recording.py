@@ -27,7 +27,9 @@ from ...core.guided_run import Screen
 from ...core.markers import Markers, read_markers
 from ...core.storage.session_manifest import manifest_path
 from ...sensing.voltage_divider import REFERENCE_OHM, reference_resistors
+from ...store.build import Build
 from ...store.layout import LAYOUT, layout_hash, load_layout
+from ...store.manifest import MANIFEST
 from ...twin.live.live_twin import (
     LiveTwin,
     load_pose_coverage,
@@ -223,17 +225,19 @@ def _create_session(
 ) -> CaptureSession:
     """Create the session that is recorded with cameras and a port, the `sources`."""
     cameras, port = sources
-    build = build_folder(device)
-    if (build / LAYOUT).exists():
-        layout = load_layout(build, CaptureError)
+    build = Build(build_folder(device))
+    if (build.folder / LAYOUT).exists():
+        layout = load_layout(build.folder, CaptureError)
         channels: Sequence[str] = [cord.name for cord in layout.by_channel()]
         layout_id = layout_hash(layout)
     else:
         channels, layout_id = [s.name for s in device.sensors], ""
     if port == NONE:
         channels = []
-    default_reference = REFERENCE_OHM if twin is None else twin.reference
-    references = options.reference or (default_reference,)
+    default_reference: tuple[float, ...] = (REFERENCE_OHM if twin is None else twin.reference,)
+    if twin is None and channels and (build.folder / MANIFEST).exists():
+        default_reference = build.reference_resistors
+    references = options.reference or default_reference
     poses = [p.name for p in device.poses]
     return sessions.create(
         folder,

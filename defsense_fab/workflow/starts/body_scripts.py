@@ -156,7 +156,7 @@ def read_parameters(path: Path, given: Mapping[str, Any]) -> tuple[Parameter, ..
 
     Args:
         path: The script.
-        given: The device's values, which tell the kind of parameters without default and
+        given: The device's values, which show the kind of parameters without default and
             annotation.
 
     Raises:

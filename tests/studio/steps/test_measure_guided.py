@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from defsense_fab.capture.readout.reader import Reader
+from defsense_fab.capture.sessions import session as sessions
 from defsense_fab.core.markers import Markers, write_markers_file
+from defsense_fab.store.build import Build
 from defsense_fab.studio.messages import measure as messages
 from defsense_fab.twin.electronics.cords import ReplayedCords
 from defsense_fab.twin.electronics.readout_board import ReadoutTwin
@@ -54,6 +56,11 @@ def wired_page(wired_bar, tmp_path):
 @pytest.fixture
 def board(live_bar, monkeypatch, page):
     """A read-out board at every port, and the device's tags."""
+    connect(page, live_bar, monkeypatch)
+
+
+def connect(page, live_bar, monkeypatch):
+    """Connect a read-out board to every port, and write the tags of a page's device."""
     run, _ = live_bar.run(40.0, 3)
     cords = ReplayedCords(NAMES, run.sample_time, run.ohm)
     twin = partial(ReadoutTwin, cords, np.array([1500.0, 1000.0]), speed=4.0)
@@ -100,6 +107,18 @@ def test_a_recording_is_stopped_and_continued(page, board):
         assert status.code == "recording-incomplete"
         assert "0 of 5 steps" in status.text
     assert len(list((page.folder / "session").glob("run-*"))) == 2
+
+
+def test_recorded_resistances_use_the_resistors_of_the_guide(wired_page, live_bar, monkeypatch):
+    connect(wired_page, live_bar, monkeypatch)
+    wired_page.send(messages.StartRecording, **RECORDING)
+    wired_page.wait_for_screen()
+    build = Build(wired_page.folder / "build")
+    proposed = {cord.sensor: cord.reference_resistor for cord in build.manifest.cords}
+    session = sessions.load(wired_page.folder / "session")
+    assert dict(zip(session.channels, session.reference, strict=True)) == proposed
+    wired_page.send(messages.StopGuided)
+    ended(wired_page, "record")
 
 
 def test_a_recording_ends_with_the_studio(page, board):
