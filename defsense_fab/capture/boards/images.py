@@ -67,8 +67,8 @@ def find_image(board: str, converter: str) -> FirmwareImage:
         raise CaptureError(
             f"there is no compiled firmware for the board {board} with the converter {converter}",
             code="image-missing",
-            action="Choose the board nano or uno, and the converter arduino or ads1115; a board with"
-            " MicroPython gets its program from 'defsense board micropython'",
+            action="Choose the board nano or uno, and the converter arduino or ads1115; a board"
+            " with MicroPython gets its program from 'defsense board micropython'",
             board=board,
             converter=converter,
         )
