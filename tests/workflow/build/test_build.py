@@ -147,8 +147,10 @@ def test_layout_and_manifest_are_consistent(device):
     unseen = layout["prediction"]["held_out"].items()
     name, error = max(unseen, key=lambda item: item[1])
     assert len(unseen) > 1
-    assert f"{error:.2f} mm in {name}" in page
     solved = json.loads((device / "build" / "fields" / "index.json").read_text("utf-8"))["states"]
+    (weights,) = (s["weights"] for s in solved if s["state"] == name)
+    words = " + ".join(p if w == 1 else f"{p} {100 * w:g} %" for p, w in weights.items())
+    assert f"{error:.2f} mm in {words}" in page
     rows = re.findall(
         r"<tr><td>([^<]*)</td><td class=\"text\">([^<]*)</td><td[^>]*>([^<]*)</td>", page
     )
