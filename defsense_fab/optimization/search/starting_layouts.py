@@ -216,7 +216,7 @@ def candidate_choices(
         )
     if extra:
         if needs_families and not len(families):
-            raise no_room_error(problem, len(drawn) + extra)
+            raise no_room_error(problem, len(drawn) + extra, planes)
         names = itertools.islice(new_sensor_names(s.name for s in drawn), extra)
         out += [CordChoices(name, free, families) for name in names]
     return out
