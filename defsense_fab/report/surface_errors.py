@@ -90,8 +90,9 @@ def surface_errors(build: Build) -> SurfaceErrors:
     shown = _fullest(fields.weights, fields.held_out)
     held_out = np.flatnonzero(fields.held_out)
     if len(held_out):
-        with_noise = build.layout.prediction.held_out
-        shown.append(int(max(held_out, key=lambda k: with_noise[fields.names[k]])))
+        # Poses may have other names now than in the layout.
+        names, with_noise = build.prediction.states[1:], build.layout.prediction.held_out
+        shown.append(int(max(held_out, key=lambda k: with_noise[names[k]])))
     return SurfaceErrors(
         fields.names,
         fields.weights,
