@@ -22,7 +22,7 @@ from ..kernels.surface_queries import SignedDistance
 #: Crossings at a smaller angle are too long.
 MIN_CROSSING_ANGLE_RAD = np.radians(20)
 PLANE_TOLERANCE_MM = 1e-5
-IN_PLANE_MM = 1e-3  # a line that is nearer to a plane lies in it
+IN_PLANE_MM = 1e-3  # largest distance of a line in a plane from it
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ class Contact:
         return np.concatenate([border, grid[inside_outlines(grid, outlines)]])
 
     def crossings(self, line: Float, room: float) -> list[tuple[Float, float]]:
-        """Return where a line passes through the face; nowhere if it lies in the face's plane.
+        """Return where a line passes through the face; a line in the face's plane does not.
 
         Args:
             line: Points (p, 3), mm.

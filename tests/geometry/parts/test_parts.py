@@ -436,25 +436,3 @@ def test_channels_that_open_into_another_joint_are_reported(bar):
     warnings = [w for w in part_set.warnings if "'a'" in w and "'b'" in w]
     assert warnings
     assert "mm near (" in warnings[0]
-
-
-def test_channels_cross_the_faces_of_the_parts_that_they_pass_between(part_set, exported):
-    """A channel passes between two parts where the walls of both are at its radius."""
-    radius, crossed = RULES.channel / 2, 0
-    for channel in part_set.channels:
-        points = channel.inside
-        walls = np.array([distance(surface, points) for surface in exported])
-        for contact in part_set.contacts:
-            heights = np.abs((points - contact.plane.origin) @ contact.plane.normal)
-            found = contact.crossings(points, 2 * radius)
-            if heights.max() < 1e-3:
-                assert not found
-                continue
-            is_between = (walls[[contact.lower, contact.upper]] < 1.2 * radius).all(axis=0)
-            places = points[is_between & (heights < 0.5)]
-            assert bool(found) == bool(len(places)), (channel.name, contact.lower, contact.upper)
-            for point, sine in found:
-                assert 0 < sine <= 1
-                assert np.linalg.norm(places - point, axis=1).min() < 1.0
-                crossed += 1
-    assert crossed >= 3

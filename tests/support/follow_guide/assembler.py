@@ -48,8 +48,8 @@ class Assembler(State):
 
     def _prepare_faces(self, *_: Any) -> None:
         self._check(("printed",) in self._done, "faces are prepared before they are printed")
-        laid = [c.name for c in self.cords.values() if c.line.inserted.any() and self._laid(c)]
-        self._check(not laid, f"faces are prepared while {laid} are in their grooves")
+        inserted = [c.name for c in self.cords.values() if self._is_in_joint(c)]
+        self._check(not inserted, f"faces are prepared while {inserted} are in their grooves")
         self._done.add(("faces",))
 
     def _cut_cord(self, action: Any, c: Cord, *_: Any) -> None:

@@ -73,9 +73,9 @@ class State:
         old = {self._piece[n] for n in names}
         return {n: min(old) if k in old else k for n, k in self._piece.items()}
 
-    def _laid(self, c: Cord) -> bool:
-        """Return whether some joint holds a cord in its groove."""
-        return any(c.name in names for names in self._laid_in)
+    def _is_in_joint(self, c: Cord) -> bool:
+        """Return whether a cord is in the groove of some joint, and not only threaded."""
+        return bool(c.line.inserted.any()) and any(c.name in names for names in self._laid_in)
 
     def _enclosed(self, cord: Cord, end: int) -> bool:
         """Return whether an end is in a closed joint, and not pulled out."""
