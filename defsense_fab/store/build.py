@@ -23,7 +23,7 @@ from .layout import (
     load_prediction,
     load_weighed,
 )
-from .manifest import Manifest, load_manifest, load_parts
+from .manifest import MANIFEST, Manifest, load_manifest, load_parts
 from .mesh import MeshRecord, load_mesh, load_mesh_record, load_region_nodes
 
 
@@ -135,6 +135,11 @@ class Build:
     def manifest(self) -> Manifest:
         """The printable parts, the cut list and the steps of assembly."""
         return load_manifest(self.folder)
+
+    @property
+    def has_parts(self) -> bool:
+        """Whether the build has printable parts."""
+        return (self.folder / MANIFEST).exists()
 
     @property
     def reference_resistors(self) -> tuple[float, ...]:

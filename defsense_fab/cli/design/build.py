@@ -55,7 +55,6 @@ def _stage_command(name: str, last_stage: str) -> Command:
         from ...workflow.build.build import summary
         from ...workflow.build.part_changes import load_changes
         from ...workflow.build.recorded_options import recorded_options
-        from ...workflow.build.results import has_parts
         from ...workflow.build.stages import STAGES, STAGES_WITHOUT_CORDS
         from ...workflow.fabrication.effort import find_effort
 
@@ -70,7 +69,7 @@ def _stage_command(name: str, last_stage: str) -> Command:
         with standard_output():
             if output.json:
                 summarized = summary(result.folder)
-                if has_parts(result.results):
+                if result.results.has_parts:
                     effort = find_effort(device, result.results.manifest)
                     summarized["effort"] = {**to_json(effort), "print_hours": effort.print_hours}
                     summarized["changes"] = to_json(load_changes(result.folder))
@@ -124,13 +123,13 @@ def _print_result(result: BuildResult, device: Device) -> None:
     from ...workflow.board.wiring import plan_if_possible
     from ...workflow.build.load_cases import describe_states
     from ...workflow.build.pose_errors import warn_of_poor_poses
-    from ...workflow.build.results import describe_error, has_layout, has_parts, has_poses
+    from ...workflow.build.results import describe_error, has_layout, has_poses
     from ...workflow.fabrication.effort import find_effort
 
     if not result.made:
         print_lines(["Everything is up to date."])
     results = result.results
-    if has_parts(results):
+    if results.has_parts:
         print_lines([f"{find_effort(device, results.manifest).describe()}."])
     mesh = results.mesh_record
     print_lines(_describe_mesh(mesh))
@@ -151,7 +150,7 @@ def _print_result(result: BuildResult, device: Device) -> None:
         _print_layout(results.layout, device.cord.noun)
         print_lines(f"force: {pose.describe()}" for pose in results.forces.poses)
         print_lines(f"note: {warning}" for warning in results.forces.warnings)
-    if has_parts(results):
+    if results.has_parts:
         _print_parts(results.manifest)
         _print_offers(device, results.layout)
         print_lines(f"note: {note}" for note in plan_if_possible(device, results.manifest)[1])

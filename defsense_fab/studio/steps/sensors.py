@@ -13,7 +13,6 @@ from ...core.curve import Hermite, catmull_rom, is_smooth
 from ...core.device.device import Sensor
 from ...core.device.sensor_tables import new_sensor_names
 from ...core.errors import DefsenseError, DeviceError, LayoutError
-from ...workflow.build.results import has_parts
 from ...workflow.design.body_fit import check_cords
 from ...workflow.design.draw_cord import Snapper, fit_stroke, plane_section
 from ...workflow.design.repair_cords import repair_cords, smooth_cord
@@ -335,7 +334,7 @@ class SensorsStep(Step):
                 check=check,
                 built=None if built is None else built.error,
                 is_built_drawn=is_built,
-                has_built_parts=has_parts(self.session.results),
+                has_built_parts=self.session.results.has_parts,
                 **{**defaults, **values},
             )
             self.session.server.publish(self.prediction)

@@ -35,11 +35,6 @@ def has_layout(build: Build) -> bool:
     return (build.folder / LAYOUT).exists()
 
 
-def has_parts(build: Build) -> bool:
-    """Return whether a build has printable parts."""
-    return (build.folder / MANIFEST).exists()
-
-
 def poses_digest(build: Build) -> str:
     """Return a hash of a build's simulated poses and of the mesh that they deform.
 

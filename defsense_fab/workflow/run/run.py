@@ -43,7 +43,6 @@ from ...runtime.view.panel_actions import PanelActions
 from ...runtime.view.viewed_device import ViewedDevice
 from ...sensing.voltage_divider import REFERENCE_OHM, reference_resistors
 from ...store.build import Build
-from ...store.manifest import MANIFEST
 from ...twin.recordings.walking_board import WalkingBoard
 from .live_device import LiveDevice, device_surface, typical_marker_sd
 from .options import RunOptions
@@ -399,7 +398,7 @@ def _choose_reference(
     if twin is not None:
         return twin.runs.converter.reference[order]
     build = None if live.device is None else Build(build_folder(live.device))
-    if build is not None and (build.folder / MANIFEST).exists():
+    if build is not None and build.has_parts:
         return np.array(build.reference_resistors)[order]
     text = (
         f"the resistors of the dividers are unknown: {REFERENCE_OHM:g} ohm is assumed for each;"

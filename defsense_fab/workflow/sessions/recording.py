@@ -29,7 +29,6 @@ from ...core.storage.session_manifest import manifest_path
 from ...sensing.voltage_divider import REFERENCE_OHM, reference_resistors
 from ...store.build import Build
 from ...store.layout import LAYOUT, layout_hash, load_layout
-from ...store.manifest import MANIFEST
 from ...twin.live.live_twin import (
     LiveTwin,
     load_pose_coverage,
@@ -235,7 +234,7 @@ def _create_session(
     if port == NONE:
         channels = []
     default_reference: tuple[float, ...] = (REFERENCE_OHM if twin is None else twin.reference,)
-    if twin is None and channels and (build.folder / MANIFEST).exists():
+    if twin is None and channels and build.has_parts:
         default_reference = build.reference_resistors
     references = options.reference or default_reference
     poses = [p.name for p in device.poses]

@@ -11,7 +11,7 @@ from ....core.storage.files import read_regular
 from ....workflow.build.build import first_outdated
 from ....workflow.build.export import describe_changes, export, export_name
 from ....workflow.build.recorded_options import recorded_options
-from ....workflow.build.results import has_parts, parts_digest
+from ....workflow.build.results import parts_digest
 from ....workflow.fabrication.assembly_guide import AssemblyGuide, assembly_guide
 from ....workflow.view import Arrays, Client, Download, Problem, Request
 from ...background.background_job import CANCELLED
@@ -130,7 +130,7 @@ class MakeStep(Step):
         device, build = session.device, session.results
         guide, identifier = None, ""
         try:
-            if has_parts(build):
+            if build.has_parts:
                 identifier = parts_digest(build)
                 guide = assembly_guide(device, build)
         except (DefsenseError, OSError) as error:
