@@ -279,7 +279,7 @@ class JointPictures:
         drawing.label(base + 12.0 * out, text)
 
     def _mark_glueless(self, drawing: Drawing, joint: Joint) -> None:
-        """Mark in red where glue must stay away: along grooves of held cords, and at open walls."""
+        """Mark in red where glue must stay away: along grooves of held cords, and in rings."""
         for line in glueless_lines(self.device, self.layout, self.manifest, joint):
             drawing.rod(line, _RED_LINE_RADIUS_MM, _GLUELESS_COLOR)
             drawing.legend["no glue between or inside these lines"] = _GLUELESS_COLOR

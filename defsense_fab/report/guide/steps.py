@@ -111,8 +111,8 @@ class GuideStep:
         title: Title of the step.
         joint: The joint that the step closes, or None.
         passages: Passages in their order.
-        identifier: A short hash of title, instructions and parts, by which pages remember finished
-            steps.
+        identifier: A short hash of title, instructions, parts and what they are made of, by which
+            pages remember finished steps.
     """
 
     title: str
@@ -191,6 +191,7 @@ def guide_steps(
     joints = [_describe_joint(j, manifest, parts) for j in range(len(manifest.assembly))]
     context = GuideContext(device, manifest, step_numbers, [joint.lower for joint in joints])
     shapes = [s.vertices.tobytes() for s in parts.values()]
+    made_of = (device.material.name, device.fabrication.process, manifest.copies, manifest.pins)
     steps = []
     for (kind, j), actions in groups:
         passages = tuple(
@@ -201,8 +202,8 @@ def guide_steps(
         title = _write_title(kind, j, actions, manifest)
         lines = [line for passage in passages for line in passage.lines]
         # Cords are cut and crimped before any part is touched.
-        made_of = () if kind == "cords" else shapes
-        steps.append(GuideStep(title, joint, passages, digest(title, *lines, *made_of)))
+        what = () if kind == "cords" else (*made_of, *shapes)
+        steps.append(GuideStep(title, joint, passages, digest(title, *lines, *what)))
     return tuple(steps)
 
 

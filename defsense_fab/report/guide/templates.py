@@ -93,6 +93,8 @@ def glueless_lines(
     in_face = lines[0][0] if lines else joint.pins[0].center if joint.pins else None
     for spot in manifest.assembly[joint.index].glueless:
         depth = 0.0 if in_face is None else float((in_face - spot.at) @ joint.opens)
+        if abs(depth) > spot.reach:  # at another face of the joint
+            depth = 0.0
         lines.append(_ring(spot.at + depth * joint.opens, spot.reach, joint))
     return lines
 

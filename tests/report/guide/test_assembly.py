@@ -221,7 +221,7 @@ def test_measurements_have_the_expected_values():
     )
     for row in rows:  # the instructions name these values
         value = row["ohm"][0]
-        assert all(f"{value[k]:.0f}" in row["lines"][0] for k in ("about", "low", "high"))
+        assert all(f"{value[k]:.0f}" in " ".join(row["lines"]) for k in ("about", "low", "high"))
 
 
 @pytest.mark.parametrize("assembly", ["held", "bonded"])
@@ -253,6 +253,21 @@ def test_the_step_of_a_joint_mentions_wires_that_cross_it():
     (line,) = set(glued[-1]["lines"]) - set(plain[-1]["lines"])
     assert "the end of cord-0" in line
     assert "bay" in line
+    tried = [a for a in actions_of(guide_of(changed), "measure") if a.get("joint") == last]
+    assert line in [text for a in tried for text in a["lines"]]
+
+
+def test_cords_are_pulled_whenever_a_joint_closes_over_them():
+    closings = 0
+    for seed in range(6):
+        some = blocks(seed, 3, "held", ends=MOUTHS)
+        actions = actions_of(guide_of(some))
+        for one, glued in pairwise(actions):
+            if (one["do"], glued["do"]) == ("measure", "glue joint"):
+                pulled = [x for x in glued["lines"] if "loop stays" in x or "pinch" in x]
+                assert set(pulled) <= set(one["lines"])
+                closings += len(pulled)
+    assert closings
 
 
 def test_the_step_of_a_joint_names_spots_without_glue():
@@ -277,6 +292,16 @@ def test_other_parts_need_all_steps_again_but_those_of_the_cords():
         for parts in (some.parts, dict(some.parts), {**some.parts, name: moved})
     )
     assert one == same
+    kept = [title for title in one if other[title] == one[title]]
+    assert kept == [title for title in one if title.startswith("Cut ")]
+
+
+def test_copies_need_all_steps_again_but_those_of_the_cords():
+    some = blocks(1, 1, ends=MOUTHS)
+    one, other = (
+        {s.title: s.identifier for s in guide_steps(some.device, manifest, some.parts)}
+        for manifest in (some.manifest, replace(some.manifest, copies=2))
+    )
     kept = [title for title in one if other[title] == one[title]]
     assert kept == [title for title in one if title.startswith("Cut ")]
 
