@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -93,7 +94,7 @@ class Contact:
         return np.concatenate([border, grid[inside_outlines(grid, outlines)]])
 
     def crossings(self, line: Float, room: float) -> list[tuple[Float, float]]:
-        """Return where a line passes through the face; a line in the face's plane does not.
+        """Return where a line passes through the face; a run in the face's plane does not.
 
         Args:
             line: Points (p, 3), mm.
@@ -104,13 +105,14 @@ class Contact:
             The point (3,) of each crossing, mm, and the sine of the angle between line and face.
         """
         heights = (line - self.plane.origin) @ self.plane.normal
-        if np.abs(heights).max() < IN_PLANE_MM:
-            return []
+        off = np.flatnonzero(np.abs(heights) >= IN_PLANE_MM)
         outlines = [np.asarray(p, float) for p in self.section.offset(room).to_polygons()]
         found = []
-        for k in np.flatnonzero(np.diff(heights >= 0)):
-            step = line[k + 1] - line[k]
-            point = line[k] + heights[k] / (heights[k] - heights[k + 1]) * step
+        for i, k in pairwise(off):
+            if heights[i] * heights[k] > 0 or k - i > 2:  # a run in the plane is a groove
+                continue
+            step = line[k] - line[i]
+            point = line[i] + heights[i] / (heights[i] - heights[k]) * step
             flat = (point - self.plane.origin) @ self.plane.axes[:, :2]
             if inside_outlines(flat[None], outlines)[0]:
                 sine = abs(step @ self.plane.normal) / np.linalg.norm(step)

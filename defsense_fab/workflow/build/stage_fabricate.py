@@ -380,21 +380,39 @@ def _part(parts: PartSet, i: int, cast: bool, supports: Mapping[str, Overhang]) 
 
 
 def _glueless_spots(parts: PartSet, cut: int) -> list[GluelessSpot]:
-    """Return the spots of the faces of a cut where glue would flow into a channel."""
-    radius = parts.rules.channel / 2
+    """Return the spots of the faces of a cut where glue would flow into a channel, or onto a wire
+    that is pulled while the joint closes.
+    """
+    pockets = parts.rules.pockets
+    wire = pockets.wires.diameter if pockets and pockets.wires else 0.0
+    lines = [(c.name, c.inside, parts.rules.channel) for c in parts.channels]
+    lines += [(c.name, lead.inside, wire) for c in parts.channels for lead in c.leads]
     spots = [
         GluelessSpot(parts.channels[o.line].name, o.at, max(o.reach, _GLUE_MARGIN_MM))
         for o in parts.openings
         if o.cut == cut
     ]
     for contact in (c for c in parts.contacts if c.cut == cut):
-        for channel in parts.channels:
-            for at, sine in contact.crossings(channel.inside, 2 * radius):
-                near = (s for s in spots if s.cord == channel.name)
-                if all(np.linalg.norm(s.at - at) > s.reach for s in near):
-                    reach = (radius + _GLUE_MARGIN_MM) / max(sine, np.sin(MIN_CROSSING_ANGLE_RAD))
-                    spots.append(GluelessSpot(channel.name, at, reach, is_crossing=True))
+        for name, line, diameter in lines:
+            for at, sine in contact.crossings(line, diameter):
+                reach = (diameter / 2 + _GLUE_MARGIN_MM) / max(sine, np.sin(MIN_CROSSING_ANGLE_RAD))
+                _add_crossing(spots, GluelessSpot(name, at, reach, is_crossing=True), diameter / 2)
     return spots
+
+
+def _add_crossing(spots: list[GluelessSpot], crossing: GluelessSpot, radius: float) -> None:
+    """Add the spot of a crossing, or extend the open stretch of the same cord that it is in.
+
+    Faces next to each other both have a crossing at their border, which is added once.
+    """
+    for k, spot in enumerate(spots):
+        apart = float(np.linalg.norm(spot.at - crossing.at))
+        if spot.cord != crossing.cord or apart > (radius if spot.is_crossing else spot.reach):
+            continue
+        if not spot.is_crossing:
+            spots[k] = replace(spot, reach=max(spot.reach, apart + crossing.reach))
+        return
+    spots.append(crossing)
 
 
 def _assembly(parts: PartSet) -> tuple[JoinStep, ...]:
