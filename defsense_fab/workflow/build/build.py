@@ -27,7 +27,7 @@ from . import body_sources
 from .cluster import cluster_solver, cluster_tasks
 from .continued_layout import ASPECTS, find_earlier_layout, layout_aspects
 from .options import BuildOptions
-from .part_changes import CHANGES, MADE_OF, compare_parts, made_of
+from .part_changes import MADE_OF, compare_parts, keep_changes, made_of
 from .recorded_options import plates_record, recorded_options
 from .stage_files import (
     STATE,
@@ -220,7 +220,7 @@ class _Plan:
             if stage.name == PLATES:
                 record[MADE_OF] = made_of(self.device)
                 if source is not None and stage.name in reused:
-                    record[CHANGES] = load_state(source).get(PLATES, {}).get(CHANGES)
+                    record |= keep_changes(source)
                 else:
                     record |= compare_parts(earlier, results.folder, record[MADE_OF])
             if stage.name == _OPTIMIZE:

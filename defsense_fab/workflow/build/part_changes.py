@@ -33,19 +33,19 @@ class PartChanges:
     Attributes:
         print_again: Names of the pieces that differ from all earlier ones, or of which more are
             needed.
-        keep: Names of the pieces that are the same as an earlier one.
+        keep: Names of the pieces that are the same as an earlier one, and of cast parts.
         cut_again: Names of the cords of another kind or length than before, or of which more are
             needed.
         keep_cords: Names of the other cords.
-        cast_again: Whether all parts must be cast again: a mould or the silicone has changed, or
-            more parts are needed.
+        cast_again: Names of the parts that must be cast again: their mould or the silicone has
+            changed, or more of them are needed.
     """
 
     print_again: tuple[str, ...]
     keep: tuple[str, ...]
     cut_again: tuple[str, ...]
     keep_cords: tuple[str, ...]
-    cast_again: bool = False
+    cast_again: tuple[str, ...] = ()
 
     def describe(self) -> list[str]:
         """Return the changes as sentences."""
@@ -61,7 +61,7 @@ class PartChanges:
         """Return the label of each piece with what to do, "print again" or "keep" for example."""
         return [
             *((part_label(name), "print again") for name in self.print_again),
-            *([("all parts", "cast again")] if self.cast_again else ()),
+            *((part_label(name), "cast again") for name in self.cast_again),
             *((cord_label(name), "cut again") for name in self.cut_again),
             *((part_label(name), _KEEP) for name in self.keep),
             *((cord_label(name), _KEEP) for name in self.keep_cords),
@@ -75,9 +75,10 @@ def made_of(device: Device) -> dict[str, list[Any]]:
     """Return what `state.json` records of what pieces and cords are made of."""
     f, cord = device.fabrication, device.cord
     material = [device.material.name]
+    is_cast, filament = f.kind == "cast", [] if cord.trace is None else [cord.name]
     return {
-        "pieces": [f.process, *([] if f.kind == "cast" else material)],
-        "cast": material if f.kind == "cast" else [],
+        "pieces": [f.process, *([] if is_cast else material), *filament],
+        "cast": material if is_cast else [],
         "cords": [cord.name, cord.diameter],
     }
 
@@ -98,7 +99,9 @@ def compare_parts(earlier: Sequence[Path], folder: Path, made: Mapping[str, Any]
     if found is None:
         return {}
     path, before = found
-    after, made_before = load_manifest(folder), _record(path).get(MADE_OF, made)
+    after, made_before = load_manifest(folder), _record(path).get(MADE_OF)
+    if not isinstance(made_before, dict):  # no record, or one of another version
+        made_before = made
     same = {key: made_before.get(key) == value for key, value in made.items()}
     pieces, known = _pieces(folder, after), Counter[str]()
     for value, count in _pieces(path, before).values():
@@ -113,16 +116,25 @@ def compare_parts(earlier: Sequence[Path], folder: Path, made: Mapping[str, Any]
         for c in cords
         if not same["cords"] or after.copies > before.copies or not _is_kept(c, before.cords)
     ]
-    moulds = {piece.name for mould in after.moulds for piece in mould.pieces}
+    is_recast = not same["cast"] or after.copies > before.copies
+    cast_again = [
+        m.part for m in after.moulds if is_recast or any(p.name in again for p in m.pieces)
+    ]
+    kept = [m.part for m in after.moulds if m.part not in cast_again]
     changes = PartChanges(
         print_again=tuple(again),
-        keep=tuple(name for name in pieces if name not in again),
+        keep=(*kept, *(name for name in pieces if name not in again)),
         cut_again=tuple(cut_again),
         keep_cords=tuple(c.sensor for c in cords if c.sensor not in cut_again),
-        cast_again=bool(moulds)
-        and (not same["cast"] or after.copies > before.copies or bool(moulds & {*again})),
+        cast_again=tuple(cast_again),
     )
     return {CHANGES: asdict(changes)}
+
+
+def keep_changes(folder: Path) -> dict[str, Any]:
+    """Return what `state.json` records of the changes of parts that are used again."""
+    changes = load_changes(folder)
+    return {} if changes is None else {CHANGES: asdict(changes)}
 
 
 def load_changes(folder: Path) -> PartChanges | None:

@@ -3,9 +3,10 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from defsense_fab.store.manifest import FOLDER, save_manifest
+from defsense_fab.store.manifest import FOLDER, MouldPieceRecord, MouldRecord, save_manifest
 from defsense_fab.workflow.build.part_changes import (
     MADE_OF,
     PartChanges,
@@ -75,7 +76,7 @@ def test_changed_parts_and_cords_are_listed(manifest, made, compare):
     assert set(changes.keep) == names(manifest) - {name}
     assert changes.cut_again == (changed.sensor,)
     assert changes.keep_cords == (kept.sensor,)
-    assert not changes.cast_again
+    assert changes.cast_again == ()
 
 
 def test_a_renumbered_part_of_the_same_shape_is_kept(manifest, made, compare):
@@ -100,6 +101,51 @@ def test_pieces_of_another_material_are_printed(manifest, made, compare):
     changes = compare(manifest, {**made, "pieces": ["another"]})
     assert set(changes.print_again) == names(manifest)
     assert changes.cut_again == ()
+
+
+def test_a_body_with_traces_of_another_filament_is_printed(device):
+    one, other = (
+        made_of(replace(device, cord=replace(device.cord, name=name, trace=object())))
+        for name in ("eel", "another")
+    )
+    assert one["pieces"] != other["pieces"]
+
+
+def moulded(manifest):
+    """Return a manifest whose parts are cast in moulds of one piece."""
+    up = np.array([0.0, 0.0, 1.0])
+    moulds = (
+        MouldRecord(
+            p.name, (MouldPieceRecord(f"mould-{p.name}-cup", p.stl, p.print, up, 1.0),),
+            up, up, up[None], 1.0, 2.0, 0.1, up,
+        )
+        for p in manifest.parts
+    )  # fmt: skip
+    return replace(manifest, moulds=tuple(moulds))
+
+
+def test_parts_whose_mould_is_the_same_are_not_cast_again(manifest, made, tmp_path):
+    cast = moulded(manifest)
+    changed, kept = (p.name for p in manifest.parts[:2])
+    first = write(tmp_path / "a", cast, made)
+    same = write(tmp_path / "b", cast, made)
+    other = write(tmp_path / "c", cast, made, {changed: "another shape"})
+    for folder, expected in ((same, ()), (other, (changed,))):
+        record = compare_parts([first], folder, made)
+        (folder / STATE).write_text(json.dumps({"fabricate": record}))
+        changes = load_changes(folder)
+        assert changes.cast_again == expected
+        assert set(changes.print_again) == {f"mould-{name}-cup" for name in expected}
+        assert kept in changes.keep
+    other_silicone = compare_parts([first], other, {**made, "cast": ["another"]})
+    assert set(other_silicone["changes"]["cast_again"]) == {p.name for p in manifest.parts}
+
+
+@pytest.mark.parametrize("damaged", [None, 3, []])
+def test_a_damaged_record_of_an_earlier_build_is_ignored(manifest, made, tmp_path, damaged):
+    first = write(tmp_path / "a", manifest, damaged)
+    folder = write(tmp_path / "b", manifest, made)
+    assert compare_parts([first], folder, made)["changes"]["print_again"] == ()
 
 
 def test_cords_of_another_kind_are_cut(manifest, made, compare):
