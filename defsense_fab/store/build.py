@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..core.arrays import Bool
+from ..core.errors import StorageError
 from ..core.mesh import Surface, TetMesh
 from ..mechanics.elements.point_location import PointLocator
 from ..mechanics.elements.tet10 import QuadraticMesh
@@ -144,8 +145,25 @@ class Build:
     @property
     def reference_resistors(self) -> tuple[float, ...]:
         """The dividers' resistors in the assembly guide, in the order of the channels, ohm."""
-        proposed = {c.sensor: c.reference_resistor for c in self.manifest.cords}
+        try:
+            manifest = self.manifest
+        except StorageError as error:
+            error.action = f"{error.action}, or give the values of the resistors as reference"
+            raise
+        proposed = {c.sensor: c.reference_resistor for c in manifest.cords}
         return tuple(proposed[cord.name] for cord in self.layout.by_channel())
+
+    def describe_resistors(self) -> str:
+        """Return the dividers' resistors in the assembly guide as a note."""
+        names = [cord.name for cord in self.layout.by_channel()]
+        values = ", ".join(
+            f"{ohm:g} ohm ({name})"
+            for name, ohm in zip(names, self.reference_resistors, strict=True)
+        )
+        return (
+            f"the reference resistors are assumed to be those of the assembly guide: {values}."
+            " Give their values as reference if yours are others"
+        )
 
     @cached_property
     def parts(self) -> dict[str, Surface]:

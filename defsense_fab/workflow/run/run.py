@@ -399,7 +399,10 @@ def _choose_reference(
         return twin.runs.converter.reference[order]
     build = None if live.device is None else Build(build_folder(live.device))
     if build is not None and build.has_parts:
-        return np.array(build.reference_resistors)[order]
+        resistors = np.array(build.reference_resistors)
+        facts = {"ohms": resistors.tolist()}
+        notes.append(Note("reference-of-the-guide", build.describe_resistors(), facts))
+        return resistors[order]
     text = (
         f"the resistors of the dividers are unknown: {REFERENCE_OHM:g} ohm is assumed for each;"
         " give their values as reference"

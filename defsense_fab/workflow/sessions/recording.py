@@ -106,7 +106,8 @@ def record_session(
         options: Options of the recording.
         open_screen: Opens the screen that shows the recording and reads keys.
         auto: Whether steps start automatically.
-        note: Called with a text on a step of the preparation that takes time.
+        note: Called with a text on a step of the preparation that takes time, or on an
+            assumption.
 
     Raises:
         DeviceError: The sources do not fit together (`nothing-to-record`, `twin-incomplete`).
@@ -130,7 +131,7 @@ def record_session(
         session = (
             _resume_session(device, markers, folder, options)
             if is_resumed
-            else _create_session(device, markers, folder, (cameras, port), options, twin)
+            else _create_session(device, markers, folder, (cameras, port), options, twin, note)
         )
         try:
             openers = _camera_openers(cameras, session, twin)
@@ -221,6 +222,7 @@ def _create_session(
     sources: tuple[Sequence[str], str],
     options: RecordOptions,
     twin: LiveTwin | None,
+    note: Callable[[str], None],
 ) -> CaptureSession:
     """Create the session that is recorded with cameras and a port, the `sources`."""
     cameras, port = sources
@@ -233,10 +235,12 @@ def _create_session(
         channels, layout_id = [s.name for s in device.sensors], ""
     if port == NONE:
         channels = []
-    default_reference: tuple[float, ...] = (REFERENCE_OHM if twin is None else twin.reference,)
-    if twin is None and channels and build.has_parts:
-        default_reference = build.reference_resistors
-    references = options.reference or default_reference
+    references = options.reference
+    if references is None:
+        references = (REFERENCE_OHM if twin is None else twin.reference,)
+        if twin is None and channels and build.has_parts:
+            references = build.reference_resistors
+            note(build.describe_resistors())
     poses = [p.name for p in device.poses]
     return sessions.create(
         folder,
