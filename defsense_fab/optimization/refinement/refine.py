@@ -174,7 +174,7 @@ def optimize_layout(
         if not best.layout:
             raise
     if not best.layout:
-        raise no_room_error(problem, len(drawn) + search.extra, search.planes)
+        raise no_room_error(problem, len(drawn) + search.extra, max_planes)
     return OptimizedLayout(best.layout, *best.rank[::-1], tuple(errors), initial or best.layout)
 
 

@@ -216,7 +216,8 @@ def candidate_choices(
         )
     if extra:
         if needs_families and not len(families):
-            raise no_room_error(problem, len(drawn) + extra, planes)
+            allowed = None if planes is None else max(planes, drawn_planes)
+            raise no_room_error(problem, len(drawn) + extra, allowed)
         names = itertools.islice(new_sensor_names(s.name for s in drawn), extra)
         out += [CordChoices(name, free, families) for name in names]
     return out
@@ -264,14 +265,14 @@ def no_room_error(problem: Problem, count: int, planes: int | None = None) -> La
         lengths += ", with both ends of each in the regions of [wires] exit"
     if limits.kept_whole:
         lengths += ", and whose planes and channels avoid those of [fabrication] keep_whole"
-    advice, count_found = "Ask for fewer", None
-    if planes is not None:
-        lengths += f", in at most {planes} plane{'s' * (planes > 1)}"
-        advice += ", allow more planes in [design] planes"
+    count_found = _count_that_fits(problem, count)
+    is_fewer = 0 < count_found < count
+    if planes is None:
+        advice = f"Ask for {count_found}, for which room was found" if is_fewer else "Ask for fewer"
     else:
-        count_found = _count_that_fits(problem, count)
-    if count_found is not None and 0 < count_found < count:
-        advice = f"Ask for {count_found}, for which room was found"
+        lengths += f", in at most {planes} plane{'s' * (planes > 1)}"
+        advice = f"Ask for at most {count_found}" if is_fewer else "Ask for fewer"
+        advice += ", allow more planes in [design] planes"
     return LayoutError(
         f"no layout of {count} {noun}s was found that keeps their walls and clearances{lengths}",
         code="no-room-for-cords",
@@ -281,14 +282,14 @@ def no_room_error(problem: Problem, count: int, planes: int | None = None) -> La
         count=count,
         planes=planes,
         found=count_found,
-        suggested=count_found if count_found is not None and 0 < count_found < count else None,
+        suggested=count_found if is_fewer and planes is None else None,
         shortest=limits.shortest,
         longest=limits.longest,
     )
 
 
 def _count_that_fits(problem: Problem, count: int) -> int:
-    """Return for how many of `count` cords greedy selection finds room."""
+    """Return for how many of `count` cords greedy selection finds room, in any planes."""
     pool = family_pool(problem, _ROOM_CANDIDATES, np.random.default_rng(0))
     chosen = select_candidates([pool] * count, problem.expected_error, problem.limits, rounds=0)
     return int((chosen >= 0).sum())
