@@ -12,7 +12,7 @@ VERY_GOOD_SHARE = 0.02
 USABLE_SHARE = 0.05
 #: Explanation of the scale for users.
 SCALE = (
-    f"An error below {100 * VERY_GOOD_SHARE:g} % of the largest movement of the surface is called"
+    f"An error below {100 * VERY_GOOD_SHARE:g} % of the largest movement is called"
     f" very good, below {100 * USABLE_SHARE:g} % usable, and poor otherwise. This scale is our own"
     " choice."
 )
@@ -30,31 +30,35 @@ def grade_error(error: float, travel: float) -> Grade:
     return "usable" if error < USABLE_SHARE * travel else "poor"
 
 
-def describe_error(error: float, travel: float, size: float | None = None) -> str:
+def describe_error(
+    error: float, travel: float, size: float | None = None, what: str = "it moves"
+) -> str:
     """Return an error with its grade, as in "0.49 mm, 0.94 % of the 52 mm it moves: very good".
 
     Args:
         error: Root mean square error of the surface or of markers, mm.
         travel: Largest movement of the same points, mm.
         size: Longest side of the body, mm; None to leave it out.
+        what: What moves.
     """
     if travel <= 0:
         return describe_share(error, travel)
     body = "" if size is None else f" (the body is {_short(size)} mm long)"
-    return f"{describe_share(error, travel)}: {grade_error(error, travel)}{body}"
+    return f"{describe_share(error, travel, what)}: {grade_error(error, travel)}{body}"
 
 
-def describe_share(error: float, travel: float) -> str:
+def describe_share(error: float, travel: float, what: str = "it moves") -> str:
     """Return an error with its share of the movement, as in "0.49 mm, 0.94 % of the 52 mm it
     moves".
 
     Args:
         error: Root mean square error of the surface or of markers, mm.
         travel: Largest movement of the same points, mm.
+        what: What moves.
     """
     if travel <= 0:
         return f"{error:.2f} mm, and nothing moves"
-    return f"{error:.2f} mm, {_short(100 * error / travel)} % of the {_short(travel)} mm it moves"
+    return f"{error:.2f} mm, {_short(100 * error / travel)} % of the {_short(travel)} mm {what}"
 
 
 def _short(value: float) -> str:

@@ -98,7 +98,7 @@ def _describe_first(evaluation: WrittenEvaluation) -> list[str]:
     e, budget = first.evaluation, first.budget
     lines = []
     if first.usefulness is not None and first.usefulness.grade:
-        lines.append(f"{first.name}: {first.usefulness.grade}")
+        lines.append(f"error of {first.name}: {first.usefulness.grade}")
     if first.model.targets is not None:
         models = [m for m in evaluation.result.models if m.errors is not None]
         lines += [f"{m.name}: {describe_errors(m.errors)}" for m in models if m.errors]
@@ -117,13 +117,11 @@ def _describe_first(evaluation: WrittenEvaluation) -> list[str]:
         causes = [
             f"{cause} {100 * share / budget.total:.0f} %"
             for cause, share in shares
-            if share >= _MIN_SHARE * budget.total
+            if abs(share) >= _MIN_SHARE * budget.total
         ]
-        overlap = sum(share for _, share in shares if share > 0) / budget.total - 1
-        counted_twice = (
-            f" ({100 * overlap:.0f} % are counted twice)" if overlap >= _MIN_SHARE else ""
-        )
-        lines.append(f"squared error by cause: {', '.join(causes)}{counted_twice}")
+        is_too_much = shares[-1][1] <= -_MIN_SHARE * budget.total
+        why = "; negative: causes overlap, or a noise is stated larger than it is"
+        lines.append(f"squared error by cause: {', '.join(causes)}{why if is_too_much else ''}")
     if (p := first.predicted) is not None:
         lines.append(
             f"From the training recordings: {p.predicted:.2f} mm expected. Measured:"

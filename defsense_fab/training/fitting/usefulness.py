@@ -82,8 +82,12 @@ class Usefulness:
 
     @property
     def grade(self) -> str:
-        """The error with its share of the travel and its grade, in words; empty for targets."""
-        return "" if self.travel is None else describe_error(self.error, self.travel)
+        """The error with its share of the travel and its grade, in words; empty for a useless
+        model and for targets.
+        """
+        if self.travel is None or self.is_useless:
+            return ""
+        return describe_error(self.error, self.travel, what="the markers move")
 
     @property
     def message(self) -> str:
