@@ -273,7 +273,7 @@ def _manifest(
         plates=(),
         cords=cords,
         bill=bill(device, parts, cords, {n: count for n, (_, count, _) in pins.items()}),
-        assembly=_assembly(parts),
+        assembly=join_steps(parts),
         marker_seats=tuple(
             TagSeat(s.number, s.center, s.axes[:, 0], s.axes[:, 2], device.fabrication.marker_size)
             for s in parts.seats
@@ -415,7 +415,7 @@ def _add_crossing(spots: list[GluelessSpot], crossing: GluelessSpot, radius: flo
     spots.append(crossing)
 
 
-def _assembly(parts: PartSet) -> tuple[JoinStep, ...]:
+def join_steps(parts: PartSet) -> tuple[JoinStep, ...]:
     """Return the steps that close the device, which are the cuts in reverse order."""
     steps = []
     for k in reversed(range(len(parts.cuts))):
