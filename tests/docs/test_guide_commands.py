@@ -1,6 +1,6 @@
 """Run the commands of the tutorial and of the page on webcams, with a twin instead of hardware.
 
-Then run those of other pages in the same folder, with the files that these pages have created.
+Then run those of other pages in the same folder.
 """
 
 import contextlib
@@ -10,10 +10,15 @@ import re
 import shlex
 import subprocess
 import sys
+import webbrowser
+from functools import partial
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from defsense_fab.cli.main import main
+from tests.docs.page_commands import NOT_RUN, TYPED, lines_of
 from tests.support.places import ROOT
 
 PAGES = [ROOT / f"docs/guide/{name}.md" for name in ("first-device", "camera-training")]
@@ -60,90 +65,62 @@ def make_smaller(device):
     device.write_text(text, encoding="utf-8")
 
 
-_REHEARSAL = "--board my-cameras --calibration rehearsal.toml"
-_SHORT = "my-device/model.json --port twin --seconds 5 --json"
-#: What other pages say to type, and what is run for it where that needs hardware or takes long: the
-#: same command with a twin for the port, less time, or names of what is there ("": as it stands).
-ELSEWHERE = {
-    "boards": {
-        "board wiring my-device --board esp32 --converter ads1115 --out my-wiring": "",
-    },
-    "check-wiring": {
-        "board check my-device --port twin:unit=2,swap=left+right --auto":
-            "board check my-joystick --port twin:unit=2 --auto",
-    },
-    "clearance": {
-        "calibrate clearance my-device --fits 0.3": "calibrate clearance my-joystick --fits 0.3",
-    },
-    "machine": {
-        "doctor": "",
-        "list materials": "",
-        "list printers fdm-tpu": "",
-        "completion bash": "",
-    },
-    "motion-capture": {
-        "capture markers my-device": "capture markers my-device --out my-markers",
-    },
-    "tags": {
-        "capture board my-cameras --measured 29.95": "",
-    },
-    "cameras": {
-        "capture camera calibrate twin --board my-cameras --calibration rehearsal.toml":
-            f"capture camera calibrate twin {_REHEARSAL} --views 12",
-        "capture camera arrange twin --board my-cameras --calibration rehearsal.toml":
-            f"capture camera arrange twin {_REHEARSAL} --views 8",
-        "capture camera check twin --board my-cameras --calibration rehearsal.toml": "",
-    },
-    "live": {
-        "run my-device/model.json --port twin:seed=7,cut=left@20-30":
-            "run my-device/model.json --port twin:seed=7,cut=middle@1-2 --seconds 3 --json",
-        "run my-device/model.json --port replay:my-device/session --view":
-            "run my-device/model.json --port replay:session --seconds 3 --json",
-    },
-    "live-outputs": {
-        "run my-device/model.json --port /dev/ttyUSB0 --output osc,port=9000 --output websocket":
-            f"run {_SHORT} --output osc,port=9000 --output websocket,port=0",
-    },
-    "live-recording": {
-        "run my-device/model.json --port /dev/ttyUSB0 --animation bend.glb":
-            f"run {_SHORT} --animation bend.glb",
-    },
-    "training-data": {
-        "dataset my-device/session --device my-device --out my-device/data":
-            "dataset session --device my-device --out my-device/data",
-        "dataset my-device/session --lerobot policy-data --rate 30":
-            "dataset session --lerobot policy-data --rate 30",
-    },
-    "training": {
-        "recalibrate my-device/model.json routine": "recalibrate my-device/model.json session",
-    },
-    "evaluation": {
-        "evaluate model.json session --against affine.json --last-share 0.3":
-            "evaluate my-device/model.json session --against my-device/recalibrated.json",
-    },
-    "twin": {
-        "twin my-device --list-assumptions": "",
-        "twin my-device --off relaxation,hysteresis,mullins":
-            "twin my-device --off relaxation,hysteresis,mullins --minutes 1 --out plain",
-        "train my-device/twin-1-1 --device my-device":
-            "train plain --device my-device --out plain.json",
-    },
-}  # fmt: skip
-
-
 def type_in(folder, line):
     """One command, as a person types it there; those of the toolkit run in this process."""
     words = shlex.split(line)
     if words[0] == "defsense":
+        words = [
+            f"{start}{match}"
+            for start, found in map(partial(expand, folder), words[1:])
+            for match in found
+        ]
         with contextlib.chdir(folder), pytest.MonkeyPatch.context() as patch:
             patch.setattr(sys, "stdin", io.StringIO())
-            assert main(words[1:]) == 0, line
+            patch.setattr(webbrowser, "open", lambda _: True)
+            assert main(words) == 0, line
         return
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     done = subprocess.run(
-        words, cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True,
-        text=True, encoding="utf-8", stdin=subprocess.DEVNULL, timeout=1000,
+        words, cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT), "PATH": path},
+        capture_output=True, text=True, encoding="utf-8", stdin=subprocess.DEVNULL, timeout=1000,
     )  # fmt: skip
     assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
+
+
+def expand(folder, word):
+    """Return what a word starts with, such as "replay:", and the one file that its `*` means."""
+    start, pattern = re.fullmatch(r"(replay:)?(.*)", word, re.DOTALL).groups()
+    found = (
+        sorted(path.relative_to(folder) for path in folder.glob(pattern)) if "/*" in word else []
+    )
+    return start or "", [str(found[0])] if found else [pattern]
+
+
+def write_tables(folder):
+    """Write the tables, readings and settings that pages expect their readers to have."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0, 60, 0.05)
+    for k in (1, 2):
+        angle = 30 + 20 * np.sin(time * (1 + 0.1 * k)) + 5 * np.sin(0.37 * time)
+        signals = [1.2 + 0.01 * angle, 0.9 - 0.004 * angle]
+        signals += rng.normal(0, 1e-3, (2, len(time)))
+        for name, header, columns in (
+            (f"walk-{k}.csv", "time,s1_kohm,s2_kohm", signals),
+            (f"knee-{k}.csv", "time,flexion_deg", [angle]),
+        ):
+            np.savetxt(
+                folder / name, np.transpose([time, *columns]), "%.5f", ",", header=header,
+                comments="",
+            )  # fmt: skip
+    rows = ["specimen,jig_radius,channel,resistance"]
+    for radius in ("", 250, 150, 100, 75):
+        for channel, height in (("top", 5.5), ("neutral", 0.0), ("bottom", -5.5)):
+            strain = height / (radius + 7.5) if radius else 0.0
+            rows.append(f"150,{radius},{channel},{2200 * (1 + 2.5 * strain):.1f}")
+    (folder / "readings.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    (folder / "my-device/study.toml").write_text(
+        "schema = 1\n[parameters]\ndesign.seed = { range = [1, 2], step = 1 }\n", encoding="utf-8"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -160,6 +137,7 @@ def typed(tmp_path_factory):
                 type_in(folder, what)
                 lines += 1
         assert lines >= 8, page
+    write_tables(folder)
     return folder
 
 
@@ -175,10 +153,37 @@ def test_files_that_a_page_names_exist(page, typed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("page", "line", "instead"),
-    [(page, line, instead) for page, lines in ELSEWHERE.items() for line, instead in lines.items()],
+    ("line", "instead"),
+    [
+        pytest.param(line, instead, id=f"{page}: {line}")
+        for page, lines in TYPED.items()
+        for line, instead in lines.items()
+    ],
 )
-def test_commands_of_other_pages_run(typed, page, line, instead):
-    text = (ROOT / f"docs/{page}.md").read_text(encoding="utf-8").replace("\\\n", " ")
-    assert f"defsense {line}" in " ".join(text.split())
-    type_in(typed, f"defsense {instead or line}")
+def test_commands_of_other_pages_run(typed, line, instead):
+    for command in (instead or line).split(" && "):
+        type_in(typed, command)
+
+
+def test_every_line_of_a_shell_block_is_run_or_has_a_reason():
+    """Those of the tutorial are all run."""
+    for path in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
+        if path in PAGES:
+            continue
+        page = path.relative_to(ROOT / "docs" if path.parent != ROOT else ROOT)
+        name = page.with_suffix("").as_posix()
+        run, not_run = TYPED.get(name, {}), NOT_RUN.get(name, {})
+        text = path.read_text(encoding="utf-8")
+        assert {*lines_of(text)} <= {*run, *not_run}, name
+        words = " ".join(text.replace("\\\n", " ").split())
+        assert [line for line in (*run, *not_run) if line not in words] == [], name
+        assert not {*run} & {*not_run}
+    names = {*TYPED, *NOT_RUN}
+    assert {n for n in names if not (ROOT / f"docs/{n}.md").is_file()} == set()
+
+
+def test_tests_that_run_other_lines_exist():
+    reasons = " ".join(reason for lines in NOT_RUN.values() for reason in lines.values())
+    named = re.findall(r"tests/[\w/]+", reasons)
+    assert named
+    assert [n for n in named if not ((ROOT / n).is_dir() or (ROOT / f"{n}.py").is_file())] == []
