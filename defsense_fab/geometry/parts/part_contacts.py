@@ -119,6 +119,12 @@ class Contact:
                 found.append((point, float(sine)))
         return found
 
+    def is_near(self, point: Float, room: float) -> bool:
+        """Return whether a point (3,), projected to the plane, is within `room` mm of the face."""
+        flat = (point - self.plane.origin) @ self.plane.axes[:, :2]
+        outlines = [np.asarray(p, float) for p in self.section.offset(room).to_polygons()]
+        return bool(inside_outlines(flat[None], outlines)[0])
+
     def world(self, points: Float) -> Float:
         """Return points (n, 2) of the plane in the rest frame (n, 3)."""
         return self.plane.to_world(points)

@@ -387,12 +387,15 @@ def _glueless_spots(parts: PartSet, cut: int) -> list[GluelessSpot]:
     wire = pockets.wires.diameter if pockets and pockets.wires else 0.0
     lines = [(c.name, c.inside, parts.rules.channel) for c in parts.channels]
     lines += [(c.name, lead.inside, wire) for c in parts.channels for lead in c.leads]
+    contacts = [c for c in parts.contacts if c.cut == cut]
     spots = [
-        GluelessSpot(parts.channels[o.line].name, o.at, max(o.reach, _GLUE_MARGIN_MM))
+        GluelessSpot(parts.channels[o.line].name, o.at, reach)
         for o in parts.openings
-        if o.cut == cut
+        for reach in (max(o.reach, _GLUE_MARGIN_MM),)
+        # Other joints can be in the same plane.
+        if o.cut == cut and any(c.is_near(o.at, reach) for c in contacts)
     ]
-    for contact in (c for c in parts.contacts if c.cut == cut):
+    for contact in contacts:
         for name, line, diameter in lines:
             for at, sine in contact.crossings(line, diameter):
                 reach = (diameter / 2 + _GLUE_MARGIN_MM) / max(sine, np.sin(MIN_CROSSING_ANGLE_RAD))
