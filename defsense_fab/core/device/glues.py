@@ -56,6 +56,12 @@ def find_glue(device: Device) -> Glue:
     return glue
 
 
+def find_slow_glue(device: Device) -> Glue | None:
+    """Return the glue for faces on which the device's glue sets too fast; None for a slow glue."""
+    is_slow = find_glue(device).open_minutes >= _BONDED_OPEN_MIN
+    return None if is_slow else _read(_SLOW_GLUE)
+
+
 def _glue_of_material(device: Device) -> str:
     materials = read_rows(_MATERIALS)
     row = materials.get(device.material.name)

@@ -14,7 +14,7 @@ from typing import Any
 import jinja2
 
 from ...core.device.device import Device
-from ...core.device.glues import find_glue
+from ...core.device.glues import find_glue, find_slow_glue
 from ...core.progress import describe_duration
 from ...geometry.channels import cord_assembly
 from ...store.manifest import END_NAMES, CutCord, JoinStep, Manifest, part_label
@@ -60,6 +60,7 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
         "step_numbers": context.step_numbers,
         "cord": None,
         "glue": find_glue(context.device),
+        "slow_glue": find_slow_glue(context.device),
         "measured_cords": (measured := [cords[e.cord] for e in action.expected]),
         "glued_cords": [
             c.sensor for c in measured if action.joint not in {s.joint for s in c.stretches}
@@ -72,6 +73,7 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
             "sides": describe_sides(joint),
             "lower_parts": context.lower_parts[action.joint],
             "pins_by_pair": _pins_by_pair(joint, manifest),
+            "unfinished_cords": _unfinished_cords(manifest, action.joint),
             "wet_until": None if last is None else context.step_numbers[last],
         }
     if action.cord is not None:
@@ -128,6 +130,17 @@ def _pins_by_pair(joint: JoinStep, manifest: Manifest) -> list[tuple[tuple[str, 
     return [
         (pair, [(letter, kinds[p.name]) for letter, p in lettered if p.between == pair])
         for pair in dict.fromkeys(p.between for p in joint.pins)
+    ]
+
+
+def _unfinished_cords(manifest: Manifest, j: int) -> list[str]:
+    """Return the cords in a joint that have both wires, and are complete only in a later one."""
+    cords = {c.sensor: c for c in manifest.cords}
+    return [
+        name
+        for name in manifest.assembly[j].cords
+        if late_end(cords[name]) is None
+        and max([s.joint for s in cords[name].stretches] + [i for i, _ in cords[name].drawn]) > j
     ]
 
 

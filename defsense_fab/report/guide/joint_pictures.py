@@ -20,6 +20,7 @@ from ..pictures.views import View
 from .actions import Action, ActionKind
 from .drawing import Drawing
 from .instructions import cord_label, pulled_reach, pulled_strain
+from .plan import joint_of_end
 from .steps import GuideStep, Illustration, Joint, Passage
 from .templates import CordLine, cord_line, glueless_lines
 
@@ -270,8 +271,8 @@ class JointPictures:
     def _mark_stretching(self, drawing: Drawing, action: Action, joint: Joint) -> None:
         """Add an arrow along which a cord is stretched."""
         cord = self._cord(action.cord)
-        free_ends = [k for k, e in enumerate(cord.ends) if e.joint == "free"]
-        end = free_ends[-1] if free_ends else 1
+        here = [k for k in (0, 1) if joint_of_end(cord, k) == joint.index] or [0, 1]
+        end = max(here, key=lambda k: (cord.ends[k].joint == "free", k))
         out = self._line(cord).way_out(end)
         base = cord.ends[end].at + (cord.ends[end].lead + 7.0) * out + 3.0 * joint.opens
         drawing.arrow(base, base + 20.0 * out, _ARROW_COLOR)

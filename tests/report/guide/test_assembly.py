@@ -270,6 +270,30 @@ def test_cords_are_pulled_whenever_a_joint_closes_over_them():
     assert closings
 
 
+def joints_of(cord):
+    return [s.joint for s in cord.stretches] + [j for j, _ in cord.drawn]
+
+
+def test_cords_that_only_a_later_joint_completes_are_measured_before_glue_covers_them():
+    checked = 0
+    for seed in range(4):
+        some = blocks(seed, 3, "held", ends=[["bend", "bend"]] * 3)
+        cords = {c.sensor: c for c in some.manifest.cords}
+        actions = actions_of(guide_of(some))
+        for action in (a for a in actions if a["do"] == "glue joint"):
+            j = action["joint"]
+            later = [
+                name
+                for name in some.manifest.assembly[j].cords
+                if all(e.after is None for e in cords[name].ends)
+                and max(joints_of(cords[name])) > j
+            ]
+            (before,) = [x for x in action["lines"] if "measure" in x] or [""]
+            assert [name for name in later if name in before] == later
+            checked += len(later)
+    assert checked
+
+
 def test_the_step_of_a_joint_names_spots_without_glue():
     some = blocks(1, 1, ends=MOUTHS)
     *others, last = some.manifest.assembly
