@@ -55,6 +55,7 @@ def _stage_command(name: str, last_stage: str) -> Command:
         from ...workflow.build.build import summary
         from ...workflow.build.part_changes import load_changes
         from ...workflow.build.recorded_options import recorded_options
+        from ...workflow.build.results import model_of_other_cords
         from ...workflow.build.stages import STAGES, STAGES_WITHOUT_CORDS
         from ...workflow.fabrication.effort import find_effort
 
@@ -79,6 +80,9 @@ def _stage_command(name: str, last_stage: str) -> Command:
             changes = load_changes(result.folder)
             if changes is not None and "fabricate" in result.made:
                 print_lines(changes.describe())
+            old_model = model_of_other_cords(device, result.results)
+            if old_model is not None:
+                print_lines([f"note: {old_model} was trained on other cords. Train it again."])
             _print_next_step(name, last_stage, result.folder, folder, options)
             is_other = "fabricate" in result.made and str(options) != str(previous)
             if is_other and previous.overrides:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from ...core.device.build_folder import build_folder
 from ...core.device.device import Device
+from ...core.errors import DefsenseError
 from ...core.storage.files import digest
 from ...decoding.error_scale import describe_error as describe_error
 from ...decoding.error_scale import grade_error as grade_error
@@ -13,11 +16,12 @@ from ...report.surface_errors import SurfaceErrors as SurfaceErrors
 from ...report.surface_errors import surface_errors as surface_errors
 from ...store.build import Build as Build
 from ...store.fields import INDEX, field_path
-from ...store.layout import LAYOUT
+from ...store.layout import LAYOUT, layout_hash
 from ...store.layout import LayoutRecord as LayoutRecord
 from ...store.manifest import MANIFEST
 from ...store.manifest import Manifest as Manifest
 from ...store.mesh import MeshRecord as MeshRecord
+from ...training.fitting.model_file import MODEL, load_model
 
 
 def last_build(device: Device) -> Build:
@@ -33,6 +37,18 @@ def has_poses(build: Build) -> bool:
 def has_layout(build: Build) -> bool:
     """Return whether a build has optimized cords."""
     return (build.folder / LAYOUT).exists()
+
+
+def model_of_other_cords(device: Device, build: Build) -> Path | None:
+    """Return the device's `model.json` if it was trained on other cords than those of a build."""
+    path = device.source / MODEL
+    if not (path.exists() and has_layout(build)):
+        return None
+    try:
+        trained_on = load_model(path).layout
+    except DefsenseError:
+        return None
+    return None if trained_on in (None, "", layout_hash(build.layout)) else path
 
 
 def poses_digest(build: Build) -> str:

@@ -5,8 +5,10 @@ import shutil
 
 import numpy as np
 
+from defsense_fab.core.device.device_file import load_device
 from defsense_fab.core.errors import LiveError, TrainingError
 from defsense_fab.training.fitting.model_file import load_model, write_model
+from defsense_fab.workflow.build.results import last_build, model_of_other_cords
 from defsense_fab.workflow.run.live_device import live_device
 from tests.support.errors import raises
 
@@ -44,6 +46,14 @@ def test_models_that_do_not_fit_are_refused(live_bar, tmp_path):
         live_device(changed(live_bar, tmp_path, layout="0" * 16), folder)
     with raises(LiveError, "channels-differ", channels=("a", "b"), present=("cord_1", "cord_2")):
         live_device(changed(live_bar, tmp_path, channels=("a", "b")), folder)
+
+
+def test_a_model_of_other_cords_is_found(live_bar, tmp_path):
+    folder = shutil.copytree(live_bar.folder, tmp_path / "bar")
+    device = load_device(folder)
+    assert model_of_other_cords(device, last_build(device)) is None
+    path = changed(live_bar, folder, layout="0" * 16)
+    assert model_of_other_cords(device, last_build(device)) == path
 
 
 def test_edited_model_is_refused(live_bar, tmp_path):
