@@ -97,8 +97,8 @@ def _describe_first(evaluation: WrittenEvaluation) -> list[str]:
     first = evaluation.result.models[0]
     e, budget = first.evaluation, first.budget
     lines = []
-    if first.usefulness is not None and first.usefulness.grade:
-        lines.append(f"error of {first.name}: {first.usefulness.grade}")
+    if first.grade:
+        lines.append(f"error of {first.name}: {first.grade}")
     if first.model.targets is not None:
         models = [m for m in evaluation.result.models if m.errors is not None]
         lines += [f"{m.name}: {describe_errors(m.errors)}" for m in models if m.errors]

@@ -60,6 +60,13 @@ class Evaluated:
     errors: UnitErrors | None = None
 
     @property
+    def grade(self) -> str:
+        """Its error with its share of the movement and its grade, in words; empty for a useless
+        model and for targets.
+        """
+        return "" if self.usefulness is None else self.usefulness.grade(self.evaluation.total.rmse)
+
+    @property
     def unit(self) -> str:
         """Unit of its targets, "mm" for markers; empty if it is unknown."""
         return self.model.units[0]

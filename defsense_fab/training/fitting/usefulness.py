@@ -80,14 +80,19 @@ class Usefulness:
         """Whether models of signals from other times are nearly as good."""
         return self.chance is not None and self.error >= _MAX_CHANCE_RATIO * self.chance
 
-    @property
-    def grade(self) -> str:
-        """The error with its share of the travel and its grade, in words; empty for a useless
-        model and for targets.
+    def grade(self, error: float | None = None) -> str:
+        """Return an error with its share of the travel and its grade, in words.
+
+        Args:
+            error: The error, mm; by default `error`.
+
+        Returns:
+            The words; empty for a useless model and for targets.
         """
         if self.travel is None or self.is_useless:
             return ""
-        return describe_error(self.error, self.travel, what="the markers move")
+        value = self.error if error is None else error
+        return describe_error(value, self.travel, what="the markers move")
 
     @property
     def message(self) -> str:
@@ -117,7 +122,7 @@ class Usefulness:
             "movement": self.movement,
             "chance": self.chance,
             "travel": self.travel,
-            "grade": self.grade or None,
+            "grade": self.grade() or None,
             "message": self.message,
             "cause": None if cause is None else {"code": cause.code, **cause.data},
         }
