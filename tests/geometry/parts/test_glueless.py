@@ -65,3 +65,12 @@ def test_no_spot_is_small_or_repeated(part_set):
             assert spot.reach >= 2.0
             others = [s for s in step.glueless[k + 1 :] if s.cord == spot.cord]
             assert all(np.linalg.norm(s.at - spot.at) > 0.5 for s in others)
+
+
+def test_every_spot_is_in_its_joint(part_set):
+    """A part of each side is nearer to it than the glue may be."""
+    surfaces = {part.name: part.surface for part in part_set.parts}
+    for step in join_steps(part_set):
+        for spot in step.glueless:
+            for side in step.join:
+                assert min(distance(surfaces[n], spot.at[None])[0] for n in side) < spot.reach
