@@ -28,6 +28,7 @@ from .plan import (
     last_joint_while_wet,
     late_end,
     sliding_end,
+    sliding_wires,
 )
 
 
@@ -73,6 +74,7 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
             "sides": describe_sides(joint),
             "lower_parts": context.lower_parts[action.joint],
             "pins_by_pair": _pins_by_pair(joint, manifest),
+            "sliding_wires": sliding_wires(manifest, action.joint),
             "unfinished_cords": _unfinished_cords(manifest, action.joint),
             "wet_until": None if last is None else context.step_numbers[last],
         }
@@ -92,7 +94,12 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
             "free_end": free_ends[-1] if free_ends else None,
         }
         if action.end is not None:
-            values |= {"end": END_NAMES[action.end], "cord_end": cord.ends[action.end]}
+            end = cord.ends[action.end]
+            values |= {
+                "end": END_NAMES[action.end],
+                "cord_end": end,
+                "wire_steps": [context.step_numbers[j] for j in end.wire.joints],
+            }
     sentences = re.split(r"^\s*- ", _template().render(values), flags=re.MULTILINE)[1:]
     return tuple(" ".join(sentence.split()) for sentence in sentences)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from ...store.manifest import CutCord, Manifest
+from ...store.manifest import CutCord, Manifest, WireRecord
 from .actions import Action, ActionKind, ExpectedResistance, Fact
 
 #: Relative tolerance of the resistance of pieces of one kind of cord.
@@ -25,6 +25,16 @@ def late_end(cord: CutCord) -> int | None:
 def joint_of_end(cord: CutCord, end: int) -> int | None:
     """Return the joint that holds an end of a cord, or None if no joint holds the cord."""
     return cord.stretches[-end].joint if cord.stretches else None
+
+
+def sliding_wires(manifest: Manifest, j: int) -> list[WireRecord]:
+    """Return the wires in joint j that must still slide when a later joint closes."""
+    return [
+        end.wire
+        for cord in manifest.cords
+        for end in cord.ends
+        if j in end.wire.joints and max(end.wire.crosses, default=-1) > j
+    ]
 
 
 def joints_that_stretch(cord: CutCord) -> tuple[int, ...]:

@@ -15,10 +15,11 @@ from ...geometry.kernels.surface_queries import plane_section
 from ...store.layout import LayoutRecord
 from ...store.manifest import END_NAMES, CordStretch, CutCord, Manifest
 from .instructions import cord_label, format_resistance
-from .plan import late_end
+from .plan import late_end, sliding_wires
 from .steps import Joint
 
 _GLUELESS_MARGIN_MM = 1.5  # next to a groove that must stay free of glue
+_IN_FACE_MM = 0.5  # largest distance of a point of a wire in a face from it
 _RING_POINTS = 33
 _OUTLINE_DEPTH_MM = 0.05  # below the face, where its outline is taken
 _MIN_POINT_DISTANCE_MM = 1e-6  # nearer points are the same
@@ -77,8 +78,8 @@ def glueless_lines(
 ) -> list[Float]:
     """Return the lines (p, 3) mm that bound where no glue may be on the face of a joint.
 
-    They are on both sides of the grooves of held cords, and around the spots of `JoinStep`. Bonded
-    cords are glued into their grooves.
+    They are on both sides of the grooves of held cords and of wires that must slide, and around the
+    spots of `JoinStep`. Bonded cords are glued into their grooves.
     """
     offset = device.channel_diameter / 2 + _GLUELESS_MARGIN_MM
     lines = []
@@ -87,9 +88,11 @@ def glueless_lines(
             if stretch.joint != joint.index:
                 continue
             points = cord_line(layout, cord).along(stretch.start, stretch.stop)
-            sideways = np.cross(np.gradient(points, axis=0), joint.opens)
-            sideways *= offset / np.linalg.norm(sideways, axis=1, keepdims=True)
-            lines += [points + sideways, points - sideways]
+            lines += _both_sides(points, offset, joint)
+    for wire in sliding_wires(manifest, joint.index) if joint.pins else ():
+        assert wire.path is not None
+        heights = (wire.path - joint.pins[0].center) @ joint.opens
+        lines += _both_sides(wire.path[np.abs(heights) < _IN_FACE_MM], offset, joint)
     in_face = lines[0][0] if lines else joint.pins[0].center if joint.pins else None
     for spot in manifest.assembly[joint.index].glueless:
         depth = 0.0 if in_face is None else float((in_face - spot.at) @ joint.opens)
@@ -97,6 +100,15 @@ def glueless_lines(
             depth = 0.0
         lines.append(_ring(spot.at + depth * joint.opens, spot.reach, joint))
     return lines
+
+
+def _both_sides(points: Float, offset: float, joint: Joint) -> list[Float]:
+    """Return the lines (p, 3) on both sides of a line in the face of a joint, if it has any."""
+    if len(points) < 2:
+        return []
+    sideways = np.cross(np.gradient(points, axis=0), joint.opens)
+    sideways *= offset / np.linalg.norm(sideways, axis=1, keepdims=True)
+    return [points + sideways, points - sideways]
 
 
 def _ring(center: Float, radius: float, joint: Joint) -> Float:

@@ -17,6 +17,7 @@ from defsense_fab.core.errors import FabricationError
 from defsense_fab.report.guide.actions import Action, ActionKind, order_actions
 from defsense_fab.report.guide.guide import plain_steps
 from defsense_fab.report.guide.instructions import pin_letters
+from defsense_fab.report.guide.plan import sliding_wires
 from defsense_fab.report.guide.steps import guide_steps
 from defsense_fab.store.manifest import GluelessSpot
 from tests.support.errors import raises
@@ -292,6 +293,19 @@ def test_cords_that_only_a_later_joint_completes_are_measured_before_glue_covers
             assert [name for name in later if name in before] == later
             checked += len(later)
     assert checked
+
+
+def test_wires_that_slide_later_are_not_glued():
+    some = blocks(1, 1, ends=MOUTHS)
+    first, last = 0, len(some.manifest.assembly) - 1
+    assert last > first
+    start, end = some.manifest.cords[0].ends
+    end = replace(end, wire=replace(end.wire, leaves="bay", joints=(last, first), crosses=(last,)))
+    cords = (replace(some.manifest.cords[0], ends=(start, end)),)
+    manifest = replace(some.manifest, cords=cords)
+    (wire,) = sliding_wires(manifest, first)
+    assert wire is end.wire
+    assert sliding_wires(manifest, last) == []
 
 
 def test_the_step_of_a_joint_names_spots_without_glue():
