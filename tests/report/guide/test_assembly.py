@@ -296,12 +296,12 @@ def test_cords_that_only_a_later_joint_completes_are_measured_before_glue_covers
 
 
 def test_wires_that_slide_later_are_not_glued():
-    some = blocks(1, 1, ends=MOUTHS)
+    some = blocks(1, 2, ends=MOUTHS)
     first, last = 0, len(some.manifest.assembly) - 1
     assert last > first
     start, end = some.manifest.cords[0].ends
     end = replace(end, wire=replace(end.wire, leaves="bay", joints=(last, first), crosses=(last,)))
-    cords = (replace(some.manifest.cords[0], ends=(start, end)),)
+    cords = (replace(some.manifest.cords[0], ends=(start, end)), *some.manifest.cords[1:])
     manifest = replace(some.manifest, cords=cords)
     (wire,) = sliding_wires(manifest, first)
     assert wire is end.wire
