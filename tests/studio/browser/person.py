@@ -50,6 +50,7 @@ class Person:
         while box is None or box != last:  # until the scene is at rest
             last, box = box, scene.bounding_box()
             self.page.wait_for_timeout(500)
+        self.page.locator(".viewer-board").wait_for()  # the view has turned to the plane
         x, y, width = box["x"], box["y"] + box["height"] / 2, box["width"]
         shares = [0.06 + 0.044 * k for k in range(21)]
         self.drag(

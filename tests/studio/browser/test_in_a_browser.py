@@ -192,6 +192,7 @@ def test_a_cord_is_drawn_by_clicks(open_sensors, folder):
     page.keyboard.press("Delete")  # also while a tool has the focus
     page.get_by_role("button", name="Add a cord").click()
     expect(page.get_by_role("radio", name="Draw")).to_be_checked()
+    expect(page.locator(".viewer-board")).to_be_visible()  # the view has turned to the plane
     x, y = middle(page.get_by_role("application"))
     page.mouse.click(x - 150, y)
     page.get_by_text(re.compile("Point 1 at")).wait_for(state="attached")

@@ -101,6 +101,7 @@ export class DrawingBoard {
       viewer.rig.leave();
       this.pen.hide();
     } else if (!isSameView) {
+      this.svg.style.visibility = "hidden"; // until the view has turned and points can be put
       viewer.rig.face(frame);
       this.pen.reset(toPlane(frame, viewer.body.box.getCenter(new Vector3()).toArray()));
     }
@@ -131,7 +132,7 @@ export class DrawingBoard {
   }
 
   private press(event: PointerEvent): void {
-    if (!this.frame || event.button !== 0 || this.viewer.rig.isChanging) return;
+    if (!this.frame || event.button !== 0 || this.viewer.rig.isTurning) return;
     if (!event.isPrimary) {
       this.cancel(); // two fingers move the view
       return;
@@ -143,7 +144,7 @@ export class DrawingBoard {
   }
 
   private move(event: PointerEvent): void {
-    if (!this.frame || this.viewer.rig.isChanging) return;
+    if (!this.frame || this.viewer.rig.isTurning) return;
     // Where points were put by clicks, a drag only moves the next one.
     if (event.pointerId === this.pointer && !this.pen.hasPoints) {
       for (const part of event.getCoalescedEvents()) this.extend(part);
