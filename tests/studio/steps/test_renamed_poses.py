@@ -15,6 +15,7 @@ from defsense_fab.workflow.build.build import build_lock, freshness
 from defsense_fab.workflow.build.results import last_build
 from defsense_fab.workflow.build.stage_files import file_sizes, load_state, save_stage_record
 from defsense_fab.workflow.build.stages import STAGES
+from tests.studio.steps.test_optimize import optimize_step
 
 TIMEOUT_S = 120.0
 
@@ -67,12 +68,12 @@ def test_a_rename_without_a_build_changes_nothing(made_app):
 
 def test_the_error_map_has_the_new_names(made_app):
     session = made_app.session
-    assert session.wait(TIMEOUT_S)
+    optimize_step(made_app)
     former = made_app.server.events[optimize.ErrorStates].states
     fields = last_build(session.device).fields
     for pose, name in (("twist", "between"), ("bend_up", "twist"), ("between", "bend_up")):
         made_app.browser.ask("rename-pose", pose=pose, name=name)
-    assert session.wait(TIMEOUT_S)
+    optimize_step(made_app)
     swapped = {"twist": "bend_up", "bend_up": "twist"}
     expected = [re.sub("twist|bend_up", lambda m: swapped[m[0]], s.name) for s in former]
     states = made_app.server.events[optimize.ErrorStates].states
