@@ -132,7 +132,7 @@ def live(
         layout: The layout that the model was trained with. Surface and controls need it.
         port: Port of the read-out board ("/dev/ttyUSB0", "COM3", "socket://host:port",
             "udp://HOST"), "twin" for a simulated device
-            ("twin:unit=1,seed=7,minutes=5,cut=left@20-30"), or "replay:FILE" for a recording.
+            ("twin:unit=1,seed=7,minutes=5,cut=A@20-30"), or "replay:FILE" for a recording.
         progress: Receives each stage's name, completed fraction and a message.
         **options: Fields of `RunOptions`, such as `rate=50`, `rest=[1500, 900]` or `surface="arap"`
             (None: without a surface). Readings are recorded only into a given folder, `record`.

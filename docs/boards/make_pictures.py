@@ -12,7 +12,7 @@ from defsense_fab.report.wiring.drawing import draw_wiring
 from defsense_fab.sensing.voltage_divider import choose_reference
 
 HERE = Path(__file__).parent
-NAMES = ("bottom", "neutral", "top", "left", "right")
+NAMES = tuple("ABCDE")
 REST, HIGHEST = 1150.0, 1400.0  # of a cord, ohm
 
 

@@ -404,7 +404,7 @@ def check(folder):
 
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     switches = ["--no-sandbox"] if os.geteuid() == 0 else []
-    words = ("my-joystick", "--port", "twin:speed=2,loose=left*400", "--auto")
+    words = ("my-joystick", "--port", "twin:speed=2,loose=A*400", "--auto")
     command = defsense("board", "check", *words, "--view", str(CHECK_PORT))
     with (
         subprocess.Popen(command, cwd=folder, stdin=subprocess.DEVNULL, text=True,

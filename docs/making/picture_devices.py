@@ -63,7 +63,7 @@ def make_cast(folder):
 def make_bay(folder):
     """Make the parts of a bar with two cords and a bay for a connector, with a coarse mesh."""
     text = (FIXTURES / "bar" / "device.toml").read_text(encoding="utf-8")
-    middle = next(t for t in text.split("[[sensors]]") if 'name = "middle"' in t)
+    middle = next(t for t in text.split("[[sensors]]") if 'name = "B"' in t)
     middle = f"[[sensors]]{middle}".replace('free = ["path", "plane"]', "free = []")
     changes = [
         ("edge_length = 8.0", "edge_length = 14.0"),

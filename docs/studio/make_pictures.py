@@ -80,7 +80,7 @@ def cut_body(page):
 def select_cord(page):
     """Select a cord, which shows its control points."""
     enter(page, "Sensors")
-    page.get_by_role("treeitem", name="middle", exact=True).click()
+    page.get_by_role("treeitem", name="B", exact=True).click()
 
 
 def open_joints(page):

@@ -50,7 +50,7 @@ TYPED = {
         "defsense build my-device": "",
     },
     "check-wiring": {
-        "defsense board check my-device --port twin:unit=2,swap=left+right --auto":
+        "defsense board check my-device --port twin:unit=2,swap=A+B --auto":
             "defsense board check my-joystick --port twin:unit=2 --auto",
     },
     "clearance": {
@@ -90,8 +90,8 @@ TYPED = {
         "defsense run a/model.json b/model.json --port /dev/ttyUSB0 /dev/ttyUSB1 --view":
             "defsense run my-device/model.json my-joystick/model.json --port twin twin"
             " --seconds 3 --json",
-        "defsense run my-device/model.json --port twin:seed=7,cut=left@20-30":
-            "defsense run my-device/model.json --port twin:seed=7,cut=middle@1-2 --seconds 3"
+        "defsense run my-device/model.json --port twin:seed=7,cut=A@20-30":
+            "defsense run my-device/model.json --port twin:seed=7,cut=B@1-2 --seconds 3"
             " --json",
     },
     "live-outputs": {

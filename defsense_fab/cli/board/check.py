@@ -25,7 +25,7 @@ check = command(
     "check",
     "defsense board check my-device --port /dev/ttyUSB0",
     "defsense board check my-device --port /dev/ttyUSB0 --reference 1200 --view 8080",
-    "defsense board check my-device --port twin:unit=2,loose=left --auto",
+    "defsense board check my-device --port twin:unit=2,loose=A --auto",
 )
 
 

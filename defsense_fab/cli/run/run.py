@@ -95,7 +95,7 @@ run = command(
     "defsense run my-device/model.json --port /dev/ttyUSB0 --view --output osc,port=9000",
     "defsense run my-device/model.json --port /dev/ttyUSB0 --live my-device/live.toml",
     "defsense run a/model.json b/model.json --port /dev/ttyUSB0 /dev/ttyUSB1 --view",
-    "defsense run my-device/model.json --port twin:seed=7,cut=left@20-30 --seconds 40",
+    "defsense run my-device/model.json --port twin:seed=7,cut=A@20-30 --seconds 40",
 )
 
 
@@ -134,7 +134,7 @@ def _run(
         port: Set the port of each read-out board: /dev/ttyUSB0, COM3, socket://host:port,
             udp://HOST or tcp://HOST (Wi-Fi; HOST may be the name of a paired board);
             replay:board.csv or replay:SESSION (with the tracks of its cameras); or twin
-            (twin:unit=1,seed=7,minutes=5,cut=left@20-30; cut, short, stuck, or swap=a+b;
+            (twin:unit=1,seed=7,minutes=5,cut=A@20-30; cut, short, stuck, or swap=A+B;
             cords=hysteretic for cords fitted to recordings). A model of any other sensor plays a
             table (replay:signals.csv), or reads lines of text (stdin).
         device: Set the device folder for each model (default: that of the model).

@@ -1,4 +1,4 @@
-"""Faults of cords and wires, as users write them: `cut=left@20-30`, `hum50=right*20`."""
+"""Faults of cords and wires, as users write them: `cut=A@20-30`, `hum50=B*20`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PAIR_KINDS = (SWAP, BRIDGE)
 def parse_faults(
     channels: Sequence[str], words: Sequence[str], kinds: Sequence[str] = FAULT_KINDS
 ) -> tuple[CordFault, ...]:
-    """Parse faults such as `cut=left@20-30` and `swap=left+right@40`.
+    """Parse faults such as `cut=A@20-30` and `swap=A+B@40`.
 
     Args:
         channels: Names of the channels.
@@ -41,7 +41,7 @@ def _parse_fault(channels: Sequence[str], word: str, kinds: Sequence[str]) -> Co
             "is not a valid fault",
             code="fault-invalid",
             where=where,
-            action=f"Write {', '.join(kinds)} as in cut=left@20-30",
+            action=f"Write {', '.join(kinds)} as in cut=A@20-30",
         )
     unknown = [n for n in affected if n not in channels]
     is_pair = kind in _PAIR_KINDS

@@ -47,7 +47,7 @@ class WiringTwinOptions:
         unit: Number of the built unit: its cords, board and noise.
         seed: Seed of the hand and of noise.
         speed: Simulated seconds per second.
-        faults: Faults as users write them, such as `cut=left`.
+        faults: Faults as users write them, such as `cut=A`.
     """
 
     unit: int = 1
@@ -57,7 +57,7 @@ class WiringTwinOptions:
 
     @classmethod
     def parse(cls, text: str) -> WiringTwinOptions:
-        """Return the options of a port such as `twin:unit=2,cut=left`.
+        """Return the options of a port such as `twin:unit=2,cut=A`.
 
         Raises:
             CaptureError: An option is not valid (`source-invalid`).
@@ -81,7 +81,7 @@ class WiringTwinOptions:
                     f"{word!r} is not a valid setting",
                     code="source-invalid",
                     where=text,
-                    action="Write any of twin:unit=1,seed=1,speed=5, and faults such as cut=left",
+                    action="Write any of twin:unit=1,seed=1,speed=5, and faults such as cut=A",
                     setting=word,
                 ) from None
         speed = values.get("speed", 1.0)

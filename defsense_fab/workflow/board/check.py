@@ -81,7 +81,7 @@ def check_board(
 
     Args:
         folder: Folder of the device, built until its parts.
-        port: Port of the read-out board, or `twin`, with faults as in `twin:cut=left`.
+        port: Port of the read-out board, or `twin`, with faults as in `twin:cut=A`.
         options: What is checked.
         screen: Shows the steps and reads keys; opened when the board answers.
         auto: Whether each step starts without a key.

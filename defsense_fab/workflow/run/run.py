@@ -122,7 +122,7 @@ def prepare_run(
         live: The device.
         port: A serial port, socket://host:port, udp://HOST or tcp://HOST, the .csv file of a
             recording, a recording or a session (replay:PATH), or the twin
-            (twin:unit=1,seed=7,minutes=5,cut=left@20-30).
+            (twin:unit=1,seed=7,minutes=5,cut=A@20-30).
         options: Options of the run.
         settings: The outputs, and the controls; by default one control for each pose.
         view: Port of a page, a place on an existing page, or None for no view.

@@ -47,7 +47,7 @@ class Port:
     Attributes:
         text: A serial port, socket://host:port, udp://HOST or tcp://HOST, the .csv file of a
             recording, a recording or a session (replay:PATH), or the twin (twin, or
-            twin:unit=1,seed=7,minutes=5,cut=left@20-30).
+            twin:unit=1,seed=7,minutes=5,cut=A@20-30).
     """
 
     text: str

@@ -89,13 +89,13 @@ def test_each_device_has_its_own_files(prepared, tmp_path):
 
 def test_all_flags_are_read():
     given = options_of(
-        *("a", "b", "--port", "twin:seed=7,cut=left@20-30", "COM3", "--view", "9000"),
+        *("a", "b", "--port", "twin:seed=7,cut=A@20-30", "COM3", "--view", "9000"),
         *("--output", "osc,port=9000", "--output", "midi", "--no-browser", "--no-fallback"),
         *("--rest", "1500,900", "--reference", "2200", "--surface", "arap", "--rate", "50"),
         *("--device", "x", "y", "--seconds", "40", "--live", "live.toml"),
     )
     assert [str(path) for path in given["models"]] == ["a", "b"]
-    assert given["port"] == ("twin:seed=7,cut=left@20-30", "COM3")
+    assert given["port"] == ("twin:seed=7,cut=A@20-30", "COM3")
     assert [str(path) for path in given["device"]] == ["x", "y"]
     show, options = given["show"], given["options"]
     assert (show.page(0), show.page(1), show.browser, show.seconds) == (9000, 9001, False, 40.0)

@@ -17,7 +17,7 @@ pytest.importorskip("playwright")
 from playwright.sync_api import expect
 
 pytestmark = pytest.mark.slow
-LEFT_Y_MM = 8.0  # of the straight cord `left`
+CORD_Y_MM = 8.0  # of the straight cord `A`
 SCALE = re.compile(r"Scale: (\d+) mm")
 
 
@@ -90,20 +90,20 @@ def test_a_cord_clicked_in_the_scene_is_selected_everywhere(open_sensors):
     middle(scale)  # until the view is turned
     length_mm = float(SCALE.search(scale.get_attribute("aria-label"))[1])
     px_per_mm = scale.locator("div").bounding_box()["width"] / length_mm
-    page.mouse.click(x, y - LEFT_Y_MM * px_per_mm)
-    expect(cord(page, "left")).to_have_attribute("aria-selected", "true")
-    expect(cord(page, "middle")).to_have_attribute("aria-selected", "false")
-    heading = inspector(page, "Sensors").get_by_role("heading", name="left", exact=True)
+    page.mouse.click(x, y - CORD_Y_MM * px_per_mm)
+    expect(cord(page, "A")).to_have_attribute("aria-selected", "true")
+    expect(cord(page, "B")).to_have_attribute("aria-selected", "false")
+    heading = inspector(page, "Sensors").get_by_role("heading", name="A", exact=True)
     expect(heading).to_be_visible()
     page.keyboard.press("Escape")
-    expect(cord(page, "left")).to_have_attribute("aria-selected", "false")
+    expect(cord(page, "A")).to_have_attribute("aria-selected", "false")
 
 
 def test_a_dragged_point_is_judged_at_once_and_is_one_undo_step(open_sensors, folder):
     page = open_sensors()
-    select(page, "left")
+    select(page, "A")
     text, error = (folder / DEVICE).read_text(), headline(page).inner_text()
-    x, y = middle(point(page, "left"))
+    x, y = middle(point(page, "A"))
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + 4, y - 12, steps=3)
@@ -121,9 +121,9 @@ def test_a_dragged_point_is_judged_at_once_and_is_one_undo_step(open_sensors, fo
 
 def test_escape_restores_a_dragged_point(open_sensors, folder):
     page = open_sensors()
-    select(page, "left")
+    select(page, "A")
     text, error = (folder / DEVICE).read_text(), headline(page).inner_text()
-    x, y = middle(point(page, "left"))
+    x, y = middle(point(page, "A"))
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x, y - 30, steps=3)
@@ -131,21 +131,21 @@ def test_escape_restores_a_dragged_point(open_sensors, folder):
     page.keyboard.press("Escape")
     expect(headline(page)).to_have_text(error)
     page.mouse.up()
-    assert middle(point(page, "left")) == pytest.approx((x, y), abs=1)
+    assert middle(point(page, "A")) == pytest.approx((x, y), abs=1)
     expect(undo(page)).to_be_disabled()
     assert (folder / DEVICE).read_text() == text
 
 
 def test_a_cord_is_deleted_and_restored_by_keys(open_sensors, folder):
     page = open_sensors()
-    select(page, "left")
+    select(page, "A")
     page.keyboard.press("Delete")
-    expect(cord(page, "left")).to_have_count(0)
-    assert [sensor.name for sensor in load_device(folder).sensors] == ["middle"]
+    expect(cord(page, "A")).to_have_count(0)
+    assert [sensor.name for sensor in load_device(folder).sensors] == ["B"]
     page.keyboard.press("Control+z")
-    expect(cord(page, "left")).to_be_visible()
+    expect(cord(page, "A")).to_be_visible()
     page.keyboard.press("Control+Shift+z")
-    expect(cord(page, "left")).to_have_count(0)
+    expect(cord(page, "A")).to_have_count(0)
 
 
 def test_a_cord_is_drawn_by_keys(open_sensors, folder):
@@ -210,8 +210,8 @@ def test_a_broken_limit_is_labeled_at_its_place(open_sensors):
     expect(panel.get_by_text("All limits are kept, and the cords can be made")).to_be_visible()
     expect(panel.get_by_text(re.compile("^[0-9.]+ mm in the parts"))).to_be_visible()
     expect(step_button(page, "Sensors")).to_have_accessible_name(re.compile("done"))
-    select(page, "left")
-    point(page, "left").click()
+    select(page, "A")
+    point(page, "A").click()
     field = inspector(page, "Sensors").get_by_role("spinbutton", name="y")
     field.fill("40")
     field.press("Enter")
@@ -219,10 +219,10 @@ def test_a_broken_limit_is_labeled_at_its_place(open_sensors):
     label = scene.get_by_role("button", name="Leaves the body").first
     expect(label).to_be_visible()
     expect(step_button(page, "Sensors")).to_have_accessible_name(re.compile("out of date"))
-    expect(cord(page, "left")).to_have_accessible_name(re.compile("^left: "))
+    expect(cord(page, "A")).to_have_accessible_name(re.compile("^A: "))
     page.keyboard.press("Escape")
     label.click()
-    expect(cord(page, "left")).to_have_attribute("aria-selected", "true")
+    expect(cord(page, "A")).to_have_attribute("aria-selected", "true")
     inspector(page, "Sensors").get_by_role("button", name="Repair this cord").click()
     expect(label).to_have_count(0)
     expect(step_button(page, "Sensors")).to_have_accessible_name(re.compile("done"))
@@ -232,7 +232,7 @@ def test_a_cord_that_cannot_be_made_is_labeled_at_its_place(open_sensors, studio
     page = open_sensors()
     panel = page.get_by_role("region", name="Expected error and signals")
     scene = page.get_by_role("main", name="Scene")
-    studio.draw(unmakeable_cord(), replaces="middle")
+    studio.draw(unmakeable_cord(), replaces="B")
     expect(scene.get_by_role("button", name="Groove cuts a part").first).to_be_visible()
     broken = panel.get_by_role("list", name="Broken limits")
     expect(broken.get_by_role("button")).to_have_count(1)
@@ -266,7 +266,7 @@ def test_what_lies_outside_a_changed_body_is_marked_and_fitted(open_page, studio
     length.fill("100")
     length.press("Enter")
     message = page.get_by_role("alert").filter(has_text="2 cords and 1 region")
-    expect(cord(page, "left")).to_have_accessible_name(re.compile("^left: "))
+    expect(cord(page, "A")).to_have_accessible_name(re.compile("^A: "))
     expect(page.get_by_role("treeitem", name=re.compile("^tip: "))).to_be_visible()
     expect(step_button(page, "Sensors")).to_have_accessible_name(re.compile("out of date"))
     page.get_by_role("main", name="Scene").get_by_role("button", name=re.compile("^tip: ")).click()
@@ -287,20 +287,20 @@ def test_browsers_share_the_device_and_nothing_else(open_sensors, folder):
     two.get_by_role("button", name="Show the list of parts").click()
     one.get_by_role("button", name="Menu").click()
     one.get_by_role("menuitemradio", name="Dark").click()
-    select(one, "left")
+    select(one, "A")
     one.keyboard.press("Delete")
-    expect(cord(two, "left")).to_have_count(0)
-    expect(cord(one, "left")).to_have_count(0)
-    cord(one, "middle").click()
-    expect(cord(one, "middle")).to_have_attribute("aria-selected", "true")
-    expect(cord(two, "middle")).to_have_attribute("aria-selected", "false")
+    expect(cord(two, "A")).to_have_count(0)
+    expect(cord(one, "A")).to_have_count(0)
+    cord(one, "B").click()
+    expect(cord(one, "B")).to_have_attribute("aria-selected", "true")
+    expect(cord(two, "B")).to_have_attribute("aria-selected", "false")
     expect(step_button(one, "Sensors")).to_have_attribute("aria-current", "step")
     expect(step_button(two, "Body")).to_have_attribute("aria-current", "step")
     expect(one.locator("html")).to_have_attribute("data-theme", "dark")
     expect(two.locator("html")).not_to_have_attribute("data-theme", "dark")
     one.context.close()
     undo(two).click()
-    expect(cord(two, "left")).to_be_visible()
+    expect(cord(two, "A")).to_be_visible()
     assert len(load_device(folder).sensors) == 2
 
 
@@ -314,21 +314,21 @@ def test_a_reload_keeps_the_step(open_sensors):
 def test_the_page_returns_when_the_studio_does(open_sensors, studio, folder):
     page = open_sensors()
     page.get_by_role("button", name="Show the list of parts").click()
-    cord(page, "left").wait_for()
+    cord(page, "A").wait_for()
     banner = page.get_by_role("alert").filter(has_text="The studio does not answer")
     studio.close()
     expect(banner).to_be_visible()
-    expect(cord(page, "left")).to_be_visible()
+    expect(cord(page, "A")).to_be_visible()
     text = (folder / DEVICE).read_text(encoding="utf-8")
-    (folder / DEVICE).write_text(text.replace('name = "left"', 'name = "port"'), encoding="utf-8")
+    (folder / DEVICE).write_text(text.replace('name = "A"', 'name = "port"'), encoding="utf-8")
     studio.open()
     expect(banner).to_have_count(0)
     expect(cord(page, "port")).to_be_visible()
-    expect(cord(page, "left")).to_have_count(0)
+    expect(cord(page, "A")).to_have_count(0)
     cord(page, "port").click()
     point(page, "port").wait_for()
     page.keyboard.press("Delete")
-    assert until(lambda: [sensor.name for sensor in load_device(folder).sensors] == ["middle"])
+    assert until(lambda: [sensor.name for sensor in load_device(folder).sensors] == ["B"])
 
 
 def test_a_name_with_markup_is_shown_as_text(open_sensors, folder):

@@ -114,19 +114,19 @@ def test_the_focus_is_not_lost(page):
     expect(menu).to_be_focused()
 
     rows = {
-        name: page.get_by_role("treeitem", name=name, exact=True) for name in ("left", "middle")
+        name: page.get_by_role("treeitem", name=name, exact=True) for name in ("A", "B")
     }
-    rows["left"].focus()
+    rows["A"].focus()
     page.keyboard.press("Enter")
     delete = inspector(page, "Sensors").get_by_role("button", name="Delete", exact=True)
     delete.press("Enter")
-    expect(rows["left"]).to_have_count(0)
+    expect(rows["A"]).to_have_count(0)
     expect(page.get_by_role("heading", name="Sensors", exact=True)).to_be_focused()
     page.keyboard.press("Control+z")
-    rows["left"].focus()
+    rows["A"].focus()
     page.keyboard.press("Enter")
     page.keyboard.press("Delete")
-    expect(rows["middle"]).to_be_focused()
+    expect(rows["B"]).to_be_focused()
 
     step_button(page, "Poses").click()
     states = page.get_by_role("group", name="States")
@@ -139,20 +139,20 @@ def test_the_focus_is_not_lost(page):
 
 def test_refused_names_stay_and_escape_restores_them(page, folder):
     enter(page, "Sensors")
-    page.get_by_role("treeitem", name="left", exact=True).press("Enter")
+    page.get_by_role("treeitem", name="A", exact=True).press("Enter")
     field = inspector(page, "Sensors").get_by_role("textbox", name="Name")
-    field.fill("middle")
+    field.fill("B")
     field.press("Enter")
     expect(field).to_have_accessible_description(re.compile("used already"))
-    expect(field).to_have_value("middle")
+    expect(field).to_have_value("B")
     page.keyboard.press("Escape")
-    expect(field).to_have_value("left")
+    expect(field).to_have_value("A")
     expect(field).to_be_focused()
     page.keyboard.press("Escape")
     expect(page.get_by_role("application")).to_be_focused()
-    field.fill("left, \u00e9tage 2")
+    field.fill("A, \u00e9tage 2")
     field.press("Enter")
-    assert until(lambda: load_device(folder).sensors[0].name == "left, \u00e9tage 2")
+    assert until(lambda: load_device(folder).sensors[0].name == "A, \u00e9tage 2")
 
     page.get_by_role("treeitem", name="twist", exact=True).press("F2")
     page.keyboard.type("bend_up")
@@ -181,8 +181,8 @@ def test_refused_names_stay_and_escape_restores_them(page, folder):
 
 def test_arrow_keys_move_a_point_as_the_screen_shows_it(page):
     enter(page, "Sensors")
-    page.get_by_role("treeitem", name="left", exact=True).press("Enter")
-    point = page.get_by_role("button", name="left, point 4 of 8")
+    page.get_by_role("treeitem", name="A", exact=True).press("Enter")
+    point = page.get_by_role("button", name="A, point 4 of 8")
     for view in ("Top", "Back"):
         page.get_by_role("button", name="Standard views").click()
         page.get_by_role("menuitem", name=view).click()
@@ -240,10 +240,10 @@ COVERED_BUTTONS = """box => [...document.querySelectorAll("button, [role=button]
 
 def test_messages_cover_no_button_and_are_dismissed_by_a_key(page):
     enter(page, "Sensors")
-    page.get_by_role("treeitem", name="left", exact=True).press("Enter")
+    page.get_by_role("treeitem", name="A", exact=True).press("Enter")
     page.keyboard.press("Delete")
     messages = page.get_by_role("region", name="Messages")
-    messages.get_by_text("Deleted left").wait_for()
+    messages.get_by_text("Deleted A").wait_for()
     page.wait_for_timeout(1000)  # until the page has settled
     box = place_at_rest(messages)
     assert page.evaluate(COVERED_BUTTONS, box) == []

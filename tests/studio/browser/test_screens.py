@@ -130,7 +130,7 @@ def test_dialogs_of_a_device(screens, serve, built_bar):
         device.examine(name)
         page.keyboard.press("Escape")
         page.get_by_role("dialog").wait_for(state="hidden")
-    page.get_by_role("treeitem", name="left").click(button="right")
+    page.get_by_role("treeitem", name="A", exact=True).click(button="right")
     page.get_by_role("menu").wait_for()
     device.examine("menu of a cord")
 

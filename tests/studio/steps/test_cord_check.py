@@ -55,8 +55,8 @@ def states(app):
 
 
 def draw_unmakeable(app):
-    """Draw the cord `left` and one that crosses its channel."""
-    app.browser.ask("delete-cords", cords=["middle"])
+    """Draw the cord `A` and one that crosses its channel."""
+    app.browser.ask("delete-cords", cords=["B"])
     cord = unmakeable_cord()
     app.session.apply(edits.add_cord(cord.name, cord.plane, cord.curve, sorted(cord.free)))
     return cord
@@ -84,7 +84,7 @@ def test_cords_that_cannot_be_made_are_shown_with_their_place(app):
     assert found.drawn.violations == []
     assert found.check.state == "failed"
     assert found.check.problem.code == "channel-cuts-part"
-    assert set(found.check.problem.cords) <= {"left", "crossing"}
+    assert set(found.check.problem.cords) <= {"A", "crossing"}
     assert len(found.check.problem.at) == 3
     assert states(app)["sensors"] == "stale"
     optimize_step(app)
@@ -202,7 +202,7 @@ def test_a_late_result_does_not_bring_earlier_cords_back(app, monkeypatch):
     monkeypatch.setattr(sensors_module, "built_cords", find_slowly)
     late.start()
     assert is_inside.wait(LONG_S)
-    app.browser.ask("delete-cords", cords=["middle"])
+    app.browser.ask("delete-cords", cords=["B"])
     sensors_step(app).wait(1.0)
     may_continue.set()
     late.join(LONG_S)

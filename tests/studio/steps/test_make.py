@@ -121,7 +121,7 @@ def test_the_parts_state_that_their_cords_are_those_of_a_layout(made_app):
     assert state.are_cords_drawn
     low, high = state.in_use[1:]
     assert low < state.in_use[0] < high
-    app.browser.ask("delete-cords", cords=["left"])
+    app.browser.ask("delete-cords", cords=["A"])
     make_step(app)
     assert not server.events[messages.MakeState].are_cords_drawn
 

@@ -125,10 +125,10 @@ def outside_by(folder, distance):
 def test_a_drawn_cord_outside_a_limit_is_repaired_first(folder, options):
     outside_by(folder, 0.01)
     layout, _ = optimize(folder, **options)
-    assert any("left" in warning for warning in layout.warnings)
+    assert any("'A'" in warning for warning in layout.warnings)
     drawn = load_device(folder).sensors[0]
     np.testing.assert_allclose(layout.drawn[0], sample_path(drawn), atol=1e-9)
-    assert layout.repaired == ("left",)
+    assert layout.repaired == ("A",)
     assert layout.initial_label == "as drawn, repaired"
     assert all(cord.min_wall >= layout.limits.wall - 0.01 for cord in layout.sensors)
 
@@ -136,14 +136,14 @@ def test_a_drawn_cord_outside_a_limit_is_repaired_first(folder, options):
 def test_a_locked_cord_outside_a_limit_is_refused(folder):
     outside_by(folder, 0.01)
     edit(folder, 'free = ["path", "plane"]', "free = []")
-    with raises(LayoutError, "wall-too-thin", cord="left"):
+    with raises(LayoutError, "wall-too-thin", cord="A"):
         optimize(folder)
 
 
 def test_the_plane_of_a_cord_whose_path_alone_is_free_stays(folder):
     outside_by(folder, 0.01)
     edit(folder, 'free = ["path", "plane"]', 'free = ["path"]')
-    with raises(LayoutError, "wall-too-thin", cord="left"):
+    with raises(LayoutError, "wall-too-thin", cord="A"):
         optimize(folder)
 
 

@@ -45,7 +45,7 @@ export function CheckCard() {
           label="Board"
           draft={port.value}
           onChange={(draft) => (port.value = draft)}
-          typedHelp="For example /dev/ttyUSB0, COM3, udp://elbow or twin:unit=2,loose=left"
+          typedHelp="For example /dev/ttyUSB0, COM3, udp://elbow or twin:unit=2,loose=A"
         />
         {isTwin && <FaultField />}
         <TextInput

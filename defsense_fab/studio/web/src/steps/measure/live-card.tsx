@@ -54,7 +54,7 @@ function LiveForm({ models }: { models: readonly ModelChoice[] }) {
           hasRecordings
           draft={port.value}
           onChange={(draft) => (port.value = draft)}
-          typedHelp="For example udp://192.168.1.20, replay:board.csv or twin:unit=2,cut=left@20-30"
+          typedHelp="For example udp://192.168.1.20, replay:board.csv or twin:unit=2,cut=A@20-30"
         />
         <TextInput
           label="Outputs"
