@@ -147,7 +147,7 @@ class WireRecord:
         path: Its path (p, 3), mm, if it has one.
         drop: Vector (3,) down into the bay, mm, if it leads there.
         why: Why it has no path.
-        joints: Joints that it lies in, from its ferrule on, as indices of the assembly's steps.
+        stretches: Its stretches in joints, from its ferrule on.
         crosses: Joints that are closed only after it was inserted on both sides of them.
     """
 
@@ -156,8 +156,13 @@ class WireRecord:
     path: Float | None = None
     drop: Float | None = None
     why: str | None = None
-    joints: tuple[int, ...] = ()
+    stretches: tuple[JointStretch, ...] = ()
     crosses: tuple[int, ...] = ()
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Joints that it lies in, from its ferrule on, as indices of the assembly's steps."""
+        return tuple(dict.fromkeys(s.joint for s in self.stretches))
 
     @property
     def line(self) -> Float | None:
@@ -192,13 +197,13 @@ class CordEnd:
 
 
 @dataclass(frozen=True)
-class CordStretch:
-    """A stretch of a cord that lies in one joint.
+class JointStretch:
+    """A stretch of a cord or a wire that lies in one joint.
 
     Attributes:
         joint: Index of the assembly's step.
-        start: Start of the stretch, mm along the channel.
-        stop: End of the stretch, mm along the channel.
+        start: Start of the stretch, mm along the channel or the wire's path.
+        stop: End of the stretch, mm along the channel or the wire's path.
     """
 
     joint: int
@@ -244,7 +249,7 @@ class CutCord:
     resistance: float
     range: tuple[float, float]
     reference_resistor: float
-    stretches: tuple[CordStretch, ...] = ()
+    stretches: tuple[JointStretch, ...] = ()
     drawn: tuple[tuple[int, int], ...] = ()
 
 
@@ -373,7 +378,7 @@ class Manifest:
         traces: Printed traces, in the order of `cords`, which has their resistances.
     """
 
-    SCHEMA: ClassVar[int] = 5
+    SCHEMA: ClassVar[int] = 6
 
     device: str
     unit: str

@@ -91,7 +91,7 @@ TYPED = {
             "defsense run my-device/model.json my-joystick/model.json --port twin twin"
             " --seconds 3 --json",
         "defsense run my-device/model.json --port twin:seed=7,cut=A@20-30":
-            "defsense run my-device/model.json --port twin:seed=7,cut=B@1-2 --seconds 3"
+            "defsense run my-device/model.json --port twin:seed=7,cut=A@1-2 --seconds 3"
             " --json",
     },
     "live-outputs": {

@@ -67,9 +67,11 @@ def _stage_command(name: str, last_stage: str) -> Command:
         stages = names[: names.index(last_stage) + 1]
         with silent_stdout(), progress_bars(output, stages) as progress:
             result = run_stages(device, last_stage, progress, options=options)
+        old_model = model_of_other_cords(device, result.results)
         with standard_output():
             if output.json:
                 summarized = summary(result.folder)
+                summarized["model_of_other_cords"] = None if old_model is None else str(old_model)
                 if result.results.has_parts:
                     effort = find_effort(device, result.results.manifest)
                     summarized["effort"] = {**to_json(effort), "print_hours": effort.print_hours}
@@ -80,9 +82,13 @@ def _stage_command(name: str, last_stage: str) -> Command:
             changes = load_changes(result.folder)
             if changes is not None and "fabricate" in result.made:
                 print_lines(changes.describe())
-            old_model = model_of_other_cords(device, result.results)
             if old_model is not None:
-                print_lines([f"note: {old_model} was trained on other cords. Train it again."])
+                print_lines(
+                    [
+                        f"note: {old_model} was trained on other cords. Train again; recordings of"
+                        " the former cords cannot be used."
+                    ]
+                )
             _print_next_step(name, last_stage, result.folder, folder, options)
             is_other = "fabricate" in result.made and str(options) != str(previous)
             if is_other and previous.overrides:

@@ -95,8 +95,9 @@ def _train(
             if (judgment := trained.training.usefulness) is not None and judgment.is_useless:
                 print_lines([f"warning: {judgment.message} The model is written all the same."])
             _print_errors(trained.training)
-            if judgment is not None and judgment.grade():
-                print_lines([f"error on the test: {judgment.grade()}"])
+            grade = "" if judgment is None else judgment.error_in_words(judgment.error)
+            if grade:
+                print_lines([f"error on the test: {grade}"])
             notes = [*_describe_training(trained.training), *notes]
             print_lines(f"note: {note}" for note in notes)
             words = format_data_options(files, device)

@@ -106,15 +106,13 @@ class Contact:
         """
         heights = (line - self.plane.origin) @ self.plane.normal
         off = np.flatnonzero(np.abs(heights) >= IN_PLANE_MM)
-        outlines = [np.asarray(p, float) for p in self.section.offset(room).to_polygons()]
         found = []
         for i, k in pairwise(off):
             if heights[i] * heights[k] > 0 or k - i > 2:  # a run in the plane is a groove
                 continue
             step = line[k] - line[i]
             point = line[i] + heights[i] / (heights[i] - heights[k]) * step
-            flat = (point - self.plane.origin) @ self.plane.axes[:, :2]
-            if inside_outlines(flat[None], outlines)[0]:
+            if self.is_near(point, room):
                 sine = abs(step @ self.plane.normal) / np.linalg.norm(step)
                 found.append((point, float(sine)))
         return found

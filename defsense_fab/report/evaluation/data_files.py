@@ -159,7 +159,9 @@ def _model(m: Evaluated) -> dict[str, Any]:
             None if m.by_truth is None else {"total": m.by_truth.total, **m.by_truth.shares}
         ),
         "predicted": None if m.predicted is None else _predicted_error(m.predicted),
-        "usefulness": None if m.usefulness is None else m.usefulness.to_json(),
+        "usefulness": (
+            None if m.usefulness is None else {**m.usefulness.to_json(), "grade": m.grade or None}
+        ),
         "left_out": {
             "without_samples": e.frames.omitted.without_samples,
             "without_markers": e.frames.omitted.without_markers,

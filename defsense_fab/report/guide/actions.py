@@ -76,6 +76,8 @@ class Action:
         effects: Facts that the action makes true.
         amount: Length to cut, mark, trim or stretch, mm, or None.
         expected: Expected resistances, if the action is a measurement.
+        steady: Cords whose resistance must not jump while it is measured in this joint. It is not
+            their final one, since a later joint completes them.
         is_late: Whether the action belongs to an end that is crimped after its cord's joints are
             closed.
     """
@@ -89,6 +91,7 @@ class Action:
     effects: frozenset[Fact] = frozenset()
     amount: float | None = None
     expected: tuple[ExpectedResistance, ...] = ()
+    steady: tuple[str, ...] = ()
     is_late: bool = False
 
 

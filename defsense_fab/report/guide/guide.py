@@ -209,7 +209,8 @@ def plain_steps(steps: Sequence[GuideStep]) -> list[dict[str, Any]]:
     Returns:
         For each step its `number`, `title` and `actions`. An action has `do` (its kind) and
         `lines` (its instructions), and where they apply `joint` (index in the manifest's
-        `assembly`), `cord`, `end`, `mm` and `ohm` (expected resistances).
+        `assembly`), `cord`, `end`, `mm`, `ohm` (expected resistances) and
+        `steady` (cords that must not jump).
     """
     return [
         {
@@ -240,5 +241,7 @@ def _to_plain(action: Action, lines: tuple[str, ...]) -> dict[str, Any]:
             {"cord": e.cord, "about": e.about, "low": e.low, "high": e.high}
             for e in action.expected
         ]
+    if action.steady:
+        plain["steady"] = list(action.steady)
     plain["lines"] = list(lines)
     return plain

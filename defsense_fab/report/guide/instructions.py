@@ -75,7 +75,6 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
             "lower_parts": context.lower_parts[action.joint],
             "pins_by_pair": _pins_by_pair(joint, manifest),
             "sliding_wires": sliding_wires(manifest, action.joint),
-            "unfinished_cords": _unfinished_cords(manifest, action.joint),
             "wet_until": None if last is None else context.step_numbers[last],
         }
     if action.cord is not None:
@@ -95,10 +94,12 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
         }
         if action.end is not None:
             end = cord.ends[action.end]
+            here = -1 if action.joint is None else context.step_numbers[action.joint]
             values |= {
                 "end": END_NAMES[action.end],
                 "cord_end": end,
-                "wire_steps": [context.step_numbers[j] for j in end.wire.joints],
+                "wire_steps": (steps := [context.step_numbers[j] for j in end.wire.joints]),
+                "next_wire_step": min((n for n in steps if n > here), default=None),
             }
     sentences = re.split(r"^\s*- ", _template().render(values), flags=re.MULTILINE)[1:]
     return tuple(" ".join(sentence.split()) for sentence in sentences)
@@ -140,17 +141,6 @@ def _pins_by_pair(joint: JoinStep, manifest: Manifest) -> list[tuple[tuple[str, 
     ]
 
 
-def _unfinished_cords(manifest: Manifest, j: int) -> list[str]:
-    """Return the cords in a joint that have both wires, and are complete only in a later one."""
-    cords = {c.sensor: c for c in manifest.cords}
-    return [
-        name
-        for name in manifest.assembly[j].cords
-        if late_end(cords[name]) is None
-        and max([s.joint for s in cords[name].stretches] + [i for i, _ in cords[name].drawn]) > j
-    ]
-
-
 def pulled_reach(device: Device, cord: CutCord, end: int) -> float:
     """Return how far outside its mouth an end's mark must be to crimp its ferrule, mm."""
     return cord_assembly.crimping_reach(device.cord.ferrule_length, cord.ends[end].lead)
@@ -175,7 +165,7 @@ def join_names(names: Sequence[object]) -> str:
 
 
 def cord_label(cord: str) -> str:
-    """Return "cord left" for `left`, but "cord-1" for `cord-1`."""
+    """Return "cord A" for `A`, but "cord-1" for `cord-1`."""
     return cord if cord.lower().startswith("cord") else f"cord {cord}"
 
 

@@ -253,13 +253,14 @@ class _Planner:
         self._follow_joint(j)
 
     def _measure_joint(self, j: int, requires: set[Fact], must_precede: Fact) -> set[Fact]:
-        """Measure the cords that joint j completes; return what is true afterwards.
+        """Measure the cords that joint j encloses; return what is true afterwards.
 
         Held cords are measured in the joint that is closed without glue, as it can be opened again.
-        Bonded cords are measured while the glue is wet.
+        Bonded cords are measured while the glue is wet, and only once they are complete.
         """
         finished_cords = self._cords_finished_by(j)
-        if not finished_cords:
+        unfinished_cords = [] if self._is_bonded else self._cords_continued_after(j)
+        if not finished_cords and not unfinished_cords:
             return set()
         self._add(
             ActionKind.MEASURE,
@@ -268,6 +269,7 @@ class _Planner:
             {must_precede},
             joint=j,
             expected=tuple(expect_installed(c) for c in finished_cords),
+            steady=tuple(c.sensor for c in unfinished_cords),
         )
         return {("measured", j)}
 
@@ -377,12 +379,24 @@ class _Planner:
         """Return the cords that are in their final place, with both wires, when joint j closes."""
         finished = []
         for cord in self._manifest.cords:
-            joints = [s.joint for s in cord.stretches]
-            is_in_place = bool(joints) and max((*joints, *(i for i, _ in cord.drawn))) <= j
+            is_in_place = bool(cord.stretches) and _last_joint(cord) <= j
             is_crimped = late_end(cord) is None or max(e.after or 0 for e in cord.ends) < j
             if is_in_place and is_crimped:
                 finished.append(cord)
         return finished
+
+    def _cords_continued_after(self, j: int) -> list[CutCord]:
+        """Return the cords with both wires that joint j encloses in part, and a later one ends."""
+        return [
+            cord
+            for cord in self._manifest.cords
+            if late_end(cord) is None
+            and _last_joint(cord) > j
+            and (
+                any(s.joint == j for s in cord.stretches)
+                or any(j in end.wire.joints for end in cord.ends)
+            )
+        ]
 
     def _finish_late_end(
         self, cord: CutCord, end: int, ready: set[Fact], must_precede: set[Fact]
@@ -420,6 +434,11 @@ class _Planner:
         )
         if self._manifest.cords:
             self._add(ActionKind.CHECK, {("connected",)}, {("checked",)})
+
+
+def _last_joint(cord: CutCord) -> int:
+    """Return the joint that completes a cord; -1 if no joint holds it."""
+    return max((*(s.joint for s in cord.stretches), *(j for j, _ in cord.drawn)), default=-1)
 
 
 def _details(cord: CutCord, end: int, joint: int | None, is_late: bool) -> dict[str, Any]:

@@ -13,13 +13,12 @@ from ...core.device.device import Device
 from ...core.mesh import Surface
 from ...geometry.kernels.surface_queries import plane_section
 from ...store.layout import LayoutRecord
-from ...store.manifest import END_NAMES, CordStretch, CutCord, Manifest
+from ...store.manifest import END_NAMES, CutCord, JointStretch, Manifest
 from .instructions import cord_label, format_resistance
 from .plan import late_end, sliding_wires
 from .steps import Joint
 
 _GLUELESS_MARGIN_MM = 1.5  # next to a groove that must stay free of glue
-_IN_FACE_MM = 0.5  # largest distance of a point of a wire in a face from it
 _RING_POINTS = 33
 _OUTLINE_DEPTH_MM = 0.05  # below the face, where its outline is taken
 _MIN_POINT_DISTANCE_MM = 1e-6  # nearer points are the same
@@ -54,11 +53,9 @@ class CordLine:
 
     def along(self, start: float, stop: float, points_per_mm: float = 1.0) -> Float:
         """Return points (q, 3) of the line between two distances from its first mouth, mm."""
-        stop = min(stop, float(arc_lengths(self.points)[-1]))
-        count = max(2, int(points_per_mm * (stop - start)) + 1)
-        return resample(self.points, start, stop, count)
+        return _between(self.points, start, stop, points_per_mm)
 
-    def ends_in(self, stretch: CordStretch) -> list[int]:
+    def ends_in(self, stretch: JointStretch) -> list[int]:
         """Return the ends of the cord that belong to a stretch."""
         last = len(self.cord.stretches) - 1
         return [end for end, k in ((0, 0), (1, last)) if self.cord.stretches[k] is stretch]
@@ -89,10 +86,12 @@ def glueless_lines(
                 continue
             points = cord_line(layout, cord).along(stretch.start, stretch.stop)
             lines += _both_sides(points, offset, joint)
-    for wire in sliding_wires(manifest, joint.index) if joint.pins else ():
+    for wire in sliding_wires(manifest, joint.index):
         assert wire.path is not None
-        heights = (wire.path - joint.pins[0].center) @ joint.opens
-        lines += _both_sides(wire.path[np.abs(heights) < _IN_FACE_MM], offset, joint)
+        for stretch in wire.stretches:
+            if stretch.joint == joint.index:
+                points = _between(wire.path, stretch.start, stretch.stop)
+                lines += _both_sides(points, offset, joint)
     in_face = lines[0][0] if lines else joint.pins[0].center if joint.pins else None
     for spot in manifest.assembly[joint.index].glueless:
         depth = 0.0 if in_face is None else float((in_face - spot.at) @ joint.opens)
@@ -102,10 +101,14 @@ def glueless_lines(
     return lines
 
 
+def _between(line: Float, start: float, stop: float, points_per_mm: float = 1.0) -> Float:
+    """Return points (q, 3) of a line (p, 3) between two distances from its start, mm."""
+    stop = min(stop, float(arc_lengths(line)[-1]))
+    return resample(line, start, stop, max(2, int(points_per_mm * (stop - start)) + 1))
+
+
 def _both_sides(points: Float, offset: float, joint: Joint) -> list[Float]:
-    """Return the lines (p, 3) on both sides of a line in the face of a joint, if it has any."""
-    if len(points) < 2:
-        return []
+    """Return the lines (p, 3) on both sides of a line (p, 3) in the face of a joint."""
     sideways = np.cross(np.gradient(points, axis=0), joint.opens)
     sideways *= offset / np.linalg.norm(sideways, axis=1, keepdims=True)
     return [points + sideways, points - sideways]
@@ -280,7 +283,7 @@ def _project(points: Float, frame: Plane) -> Float:
 
 
 def _project_stretch(
-    line: CordLine, stretch: CordStretch, device: Device, frame: Plane
+    line: CordLine, stretch: JointStretch, device: Device, frame: Plane
 ) -> FaceCord:
     ferrules = tuple(
         (

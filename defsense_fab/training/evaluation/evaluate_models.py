@@ -64,7 +64,9 @@ class Evaluated:
         """Its error with its share of the movement and its grade, in words; empty for a useless
         model and for targets.
         """
-        return "" if self.usefulness is None else self.usefulness.grade(self.evaluation.total.rmse)
+        if self.usefulness is None:
+            return ""
+        return self.usefulness.error_in_words(self.evaluation.total.rmse)
 
     @property
     def unit(self) -> str:

@@ -17,6 +17,7 @@ from ...core.errors import TrainingError
 from ...core.storage import typed_json
 from ...core.storage.files import load_json, write_text
 from ...decoding.trained_model import TrainedModel
+from ...store.layout import LayoutRecord, layout_hash
 
 MODEL = "model.json"
 
@@ -101,6 +102,11 @@ def load_model(path: Path) -> TrainedModel:
             where=path,
             action="Train the model again",
         ) from None
+
+
+def is_of_other_cords(model: TrainedModel, layout: LayoutRecord) -> bool:
+    """Return whether a model was trained on other cords than a layout's; False if unknown."""
+    return bool(model.layout) and model.layout != layout_hash(layout)
 
 
 def _hash(data: dict[str, Any]) -> str:

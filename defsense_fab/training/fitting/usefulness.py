@@ -80,19 +80,14 @@ class Usefulness:
         """Whether models of signals from other times are nearly as good."""
         return self.chance is not None and self.error >= _MAX_CHANCE_RATIO * self.chance
 
-    def grade(self, error: float | None = None) -> str:
-        """Return an error with its share of the travel and its grade, in words.
+    def error_in_words(self, error: float) -> str:
+        """Return an error, mm, with its share of the travel and its grade, in words.
 
-        Args:
-            error: The error, mm; by default `error`.
-
-        Returns:
-            The words; empty for a useless model and for targets.
+        They are empty for a useless model and for targets.
         """
         if self.travel is None or self.is_useless:
             return ""
-        value = self.error if error is None else error
-        return describe_error(value, self.travel, what="the markers move")
+        return describe_error(error, self.travel, what="the markers move")
 
     @property
     def message(self) -> str:
@@ -122,7 +117,7 @@ class Usefulness:
             "movement": self.movement,
             "chance": self.chance,
             "travel": self.travel,
-            "grade": self.grade() or None,
+            "grade": self.error_in_words(self.error) or None,
             "message": self.message,
             "cause": None if cause is None else {"code": cause.code, **cause.data},
         }

@@ -29,6 +29,7 @@ SHARED_MEMORIES = (
 _INPUT_NOISE = 2e-3  # built cords differ from the simulation by at least this
 # Prior standard deviations of the log gains, the offsets and the shares of the two memories.
 _GAIN_SIGMA, _OFFSET_SIGMA, _MOVED_SIGMA, _WORKED_SIGMA = 0.15, 0.02, 0.3, 0.1
+_BUILT_DEVICES = 100  # whose signals are the range of a model without recordings
 _MAX_FRAMES = 300
 _MAP_ERROR_MM = 1.0  # error of the simulated decoder itself
 _MAX_EVALUATIONS = 60
@@ -56,7 +57,9 @@ def fit_simulated_model(
 ) -> TrainedModel:
     """Fit a model to simulated states alone, for a device without recordings.
 
-    The model has no intervals, since the deviations of the built device's channels are unknown.
+    The range of its inputs contains the signals of built devices, whose channels deviate by the
+    prior standard deviations of `fit_memory`. The model has no intervals, since the deviations of
+    this device's channels are unknown.
 
     Args:
         device: Name of the device.
@@ -74,7 +77,8 @@ def fit_simulated_model(
         signals = prior.signals[:, list(indices)]
         decoder = fit_simulated_decoder(prior, indices)
         decoder = decoder.scale(np.ones(rest_points.size), rest_points.ravel())
-        return Branch(indices, Past(), decoder, fit_trained_range(signals, signals), None)
+        built = _signals_as_built(signals)
+        return Branch(indices, Past(), decoder, fit_trained_range(built, signals), None)
 
     c = len(channels)
     all_channels = tuple(range(c))
@@ -95,6 +99,15 @@ def fit_simulated_model(
         fit_branch(all_channels),
         without,
     )
+
+
+def _signals_as_built(signals: Float) -> Float:
+    """Return simulated signals (s, c) as devices with random gains and offsets have them (n, c)."""
+    rng = np.random.default_rng(0)
+    shape = (_BUILT_DEVICES, 1, signals.shape[1])
+    gain = np.exp(_GAIN_SIGMA * rng.standard_normal(shape))
+    offset = _OFFSET_SIGMA * rng.standard_normal(shape)
+    return np.asarray(gain * signals + offset).reshape(-1, signals.shape[1])
 
 
 def fit_memory(

@@ -11,7 +11,7 @@ import numpy as np
 from ...core.arrays import Float
 from ...core.device.boards import ADS1115, ADS1115_INPUTS, find_board
 from ...core.device.device import Device
-from ...core.device.glues import find_glue
+from ...core.device.glues import find_glue, find_slow_glue
 from ...geometry.channels.channel_ends import End
 from ...geometry.channels.cord_assembly import JointSides, Stretch, find_late_joints, find_stretches
 from ...geometry.channels.cord_channels import Channel
@@ -20,7 +20,7 @@ from ...optimization.prediction.design_task import TRIM_SLACK_MM
 from ...optimization.prediction.predict import ScoredLayout
 from ...sensing.built_cord import CordReading
 from ...sensing.voltage_divider import choose_reference
-from ...store.manifest import BillItem, CordEnd, CordStretch, CutCord, WireRecord
+from ...store.manifest import BillItem, CordEnd, CutCord, JointStretch, WireRecord
 from ..fabrication.effort import spare_length
 from ..fabrication.print_time import pin_volume
 from ..fabrication.printing import pin_name
@@ -92,7 +92,7 @@ def cut_list(device: Device, part_set: PartSet, built: ScoredLayout) -> tuple[Cu
                 resistance=rest,
                 range=(low, high),
                 reference_resistor=choose_reference(low, high),
-                stretches=tuple(CordStretch(s.joint, s.start, s.stop) for s in stretches),
+                stretches=_recorded(stretches),
                 drawn=tuple(drawn),
             )
         )
@@ -105,7 +105,7 @@ def behind(cords: Sequence[CutCord], joints: int) -> tuple[CutCord, ...]:
     def ended(end: CordEnd) -> CordEnd:
         wire = replace(
             end.wire,
-            joints=tuple(j + joints for j in end.wire.joints),
+            stretches=tuple(replace(s, joint=s.joint + joints) for s in end.wire.stretches),
             crosses=tuple(j + joints for j in end.wire.crosses),
         )
         return replace(end, wire=wire, after=None if end.after is None else end.after + joints)
@@ -217,9 +217,13 @@ def _wire_record(
         return WireRecord(end.wire, 0.0, why=why)
     width = device.fabrication.wire_diameter + device.fabrication.clearance
     stretches = _find_stretches_in(lead.inside, channel, width, part_set, joints, cord)
-    order = tuple(dict.fromkeys(s.joint for s in stretches))
     crosses = tuple(sorted({j for j, _ in find_late_joints(stretches, joints)}))
-    return WireRecord(end.wire, lead.length, lead.path, lead.drop, why, order, crosses)
+    recorded = _recorded(stretches)
+    return WireRecord(end.wire, lead.length, lead.path, lead.drop, why, recorded, crosses)
+
+
+def _recorded(stretches: Sequence[Stretch]) -> tuple[JointStretch, ...]:
+    return tuple(JointStretch(s.joint, s.start, s.stop) for s in stretches)
 
 
 def bill(
@@ -366,12 +370,15 @@ def _read_out(device: Device, cords: int) -> list[BillItem]:
 
 def _glue_item(device: Device, area_mm2: float) -> BillItem:
     """Return the glue for the faces of the joints, or for ends of cords alone."""
-    glue = find_glue(device)
+    glue, slow_glue = find_glue(device), find_slow_glue(device)
     use = "joins the parts" if area_mm2 else "holds ends of cords that have no pocket"
+    use = f"{use}; {glue.example}, for example"
+    if area_mm2 and slow_glue is not None:
+        use += f"; for large faces {slow_glue.kind}, such as {slow_glue.example}"
     return BillItem(
         f"glue: {glue.kind}",
         f"{area_mm2 / 100:.0f} cm2 of faces" if area_mm2 else "some drops",
-        f"{use}; {glue.example}, for example",
+        use,
         "glue",
         area_mm2 / 1e4,
     )

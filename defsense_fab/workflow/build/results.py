@@ -16,12 +16,12 @@ from ...report.surface_errors import SurfaceErrors as SurfaceErrors
 from ...report.surface_errors import surface_errors as surface_errors
 from ...store.build import Build as Build
 from ...store.fields import INDEX, field_path
-from ...store.layout import LAYOUT, layout_hash
+from ...store.layout import LAYOUT
 from ...store.layout import LayoutRecord as LayoutRecord
 from ...store.manifest import MANIFEST
 from ...store.manifest import Manifest as Manifest
 from ...store.mesh import MeshRecord as MeshRecord
-from ...training.fitting.model_file import MODEL, load_model
+from ...training.fitting.model_file import MODEL, is_of_other_cords, load_model
 
 
 def last_build(device: Device) -> Build:
@@ -45,10 +45,10 @@ def model_of_other_cords(device: Device, build: Build) -> Path | None:
     if not (path.exists() and has_layout(build)):
         return None
     try:
-        trained_on = load_model(path).layout
-    except DefsenseError:
+        model = load_model(path)
+    except DefsenseError:  # its use states what is wrong with it
         return None
-    return None if trained_on in (None, "", layout_hash(build.layout)) else path
+    return path if is_of_other_cords(model, build.layout) else None
 
 
 def poses_digest(build: Build) -> str:

@@ -388,13 +388,12 @@ def _glueless_spots(parts: PartSet, cut: int) -> list[GluelessSpot]:
     lines = [(c.name, c.inside, parts.rules.channel) for c in parts.channels]
     lines += [(c.name, lead.inside, wire) for c in parts.channels for lead in c.leads]
     contacts = [c for c in parts.contacts if c.cut == cut]
-    spots = [
-        GluelessSpot(parts.channels[o.line].name, o.at, reach)
-        for o in parts.openings
-        for reach in (max(o.reach, _GLUE_MARGIN_MM),)
+    spots = []
+    for opening in (o for o in parts.openings if o.cut == cut):
+        reach = max(opening.reach, _GLUE_MARGIN_MM)
         # Other joints can be in the same plane.
-        if o.cut == cut and any(c.is_near(o.at, reach) for c in contacts)
-    ]
+        if any(c.is_near(opening.at, reach) for c in contacts):
+            spots.append(GluelessSpot(parts.channels[opening.line].name, opening.at, reach))
     for contact in contacts:
         for name, line, diameter in lines:
             for at, sine in contact.crossings(line, diameter):

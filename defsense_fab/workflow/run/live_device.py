@@ -21,7 +21,7 @@ from ...runtime.surface.live_surface import FRAME_TIME_S, LiveSurface, Mode, mak
 from ...runtime.surface.surface_mesh import SurfaceBasis
 from ...store.build import Build
 from ...store.layout import LAYOUT, LayoutRecord, layout_hash
-from ...training.fitting.model_file import load_model
+from ...training.fitting.model_file import is_of_other_cords, load_model
 from ...twin.devices.simulated_device import SimulatedDevice, load_simulated_device
 
 _TYPICAL_DISTANCE = 0.7  # from the training, of the readings that a model mostly receives
@@ -93,7 +93,7 @@ def misfit(model: TrainedModel, device: Device, layout: LayoutRecord | None) -> 
         return Misfit.DEVICE
     if layout is None:
         return None
-    if model.layout and model.layout != layout_hash(layout):
+    if is_of_other_cords(model, layout):
         return Misfit.CORDS
     if {cord.name for cord in layout.by_channel()} != set(model.channels):
         return Misfit.CHANNELS

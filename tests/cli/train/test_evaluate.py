@@ -53,6 +53,11 @@ def test_table_and_files(files, tmp_path, capsys, no_figures, monkeypatch):
     for name in ("affine", "quadratic"):
         e = data["models"][name]["errors"]
         assert f"{e['rmse']:.2f} ± {e['deviation']:.2f}" in printed
+        share = 100 * e["rmse"] / data["models"][name]["usefulness"]["travel"]
+        assert f"{share:.2g} %" in data["models"][name]["usefulness"]["grade"]
+    grade = data["models"]["affine"]["usefulness"]["grade"]
+    assert grade in " ".join(printed.split())
+    assert grade in (out / "evaluation.html").read_text("utf-8")
     assert data["models"]["affine"]["errors"]["frames"] > 1000
     assert "4.46 ± 1.76" in printed
     assert "quadratic" in data["comparison"]["names"]

@@ -12,10 +12,10 @@ from defsense_fab.core.storage.typed_json import to_json
 from defsense_fab.geometry.channels.cord_assembly import find_late_joints, find_stretches
 from defsense_fab.store.manifest import (
     CordEnd,
-    CordStretch,
     CutCord,
     JoinedPin,
     JoinStep,
+    JointStretch,
     Manifest,
     PartRecord,
     PinRecord,
@@ -146,13 +146,13 @@ def _cord(k, line, surfaces, joints, within, kinds, assembly):
     for end, kind in enumerate(kinds):
         at, depth = line[-end], 0.0 if kind == "outside" else 7.0 if kind == "mouth" else 11.0
         path = None
-        wire_joints = ()
+        wire_stretches = ()
         if kind == "bend" and own:
             inner = line[8 if end == 0 else -9]
             path = np.stack([inner, inner + 0.3 * (at - inner) + 2 * np.eye(3)[(k + 2) % 3]])
             wire_stretches = find_stretches(path, np.eye(3)[k], 0.6, surfaces, joints, own)
-            wire_joints = tuple(dict.fromkeys(s.joint for s in wire_stretches))
-        wire = WireRecord(kind, 6.0 if path is not None else 0.0, path, None, None, wire_joints)
+        length_in_body = 6.0 if path is not None else 0.0
+        wire = WireRecord(kind, length_in_body, path, stretches=recorded(wire_stretches))
         joint, lead = ("free", 20.0) if kind == "outside" else ("pocket", 0.0)
         ends.append(CordEnd(joint, depth, at, lead, wire))
     late, after = last_end(stretches, drawn, ends)
@@ -178,6 +178,10 @@ def _cord(k, line, surfaces, joints, within, kinds, assembly):
         14.5 * between * 1.04,
         (900.0, 1300.0),
         1100.0,
-        tuple(CordStretch(s.joint, s.start, s.stop) for s in stretches),
+        recorded(stretches),
         tuple(drawn),
     )
+
+
+def recorded(stretches):
+    return tuple(JointStretch(s.joint, s.start, s.stop) for s in stretches)

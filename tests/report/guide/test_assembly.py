@@ -17,9 +17,8 @@ from defsense_fab.core.errors import FabricationError
 from defsense_fab.report.guide.actions import Action, ActionKind, order_actions
 from defsense_fab.report.guide.guide import plain_steps
 from defsense_fab.report.guide.instructions import pin_letters
-from defsense_fab.report.guide.plan import sliding_wires
 from defsense_fab.report.guide.steps import guide_steps
-from defsense_fab.store.manifest import GluelessSpot
+from defsense_fab.store.manifest import GluelessSpot, JointStretch
 from tests.support.errors import raises
 from tests.support.follow_guide.__main__ import follow_steps
 from tests.support.follow_guide.assembler import Assembler
@@ -279,33 +278,88 @@ def test_cords_that_only_a_later_joint_completes_are_measured_before_glue_covers
     checked = 0
     for seed in range(4):
         some = blocks(seed, 3, "held", ends=[["bend", "bend"]] * 3)
-        cords = {c.sensor: c for c in some.manifest.cords}
         actions = actions_of(guide_of(some))
-        for action in (a for a in actions if a["do"] == "glue joint"):
-            j = action["joint"]
-            later = [
-                name
-                for name in some.manifest.assembly[j].cords
-                if all(e.after is None for e in cords[name].ends)
-                and max(joints_of(cords[name])) > j
-            ]
-            (before,) = [x for x in action["lines"] if "measure" in x] or [""]
-            assert [name for name in later if name in before] == later
+        for j in range(len(some.manifest.assembly)):
+            later = {
+                c.sensor
+                for c in some.manifest.cords
+                if all(e.after is None for e in c.ends)
+                and j in (*(s.joint for s in c.stretches), *c.ends[0].wire.joints)
+                and max(joints_of(c)) > j
+            }
+            here = [a for a in actions if a.get("joint") == j]
+            measured = [a for a in here if a["do"] == "measure" and "steady" in a]
+            assert {name for a in measured for name in a["steady"]} == later
+            if later:
+                (action,) = measured
+                (text,) = [x for x in action["lines"] if "steady" in x]
+                assert all(name in text for name in later)
+                assert here.index(action) < [a["do"] for a in here].index("glue joint")
+                assert "Open the joint again" in action["lines"][-1]
             checked += len(later)
     assert checked
 
 
-def test_wires_that_slide_later_are_not_glued():
-    some = blocks(1, 2, ends=MOUTHS)
+def wire_with_joints(some, joints, crosses):
+    """Return devices of blocks whose first cord's end has a wire to a bay, in some joints."""
+    start, end = some.manifest.cords[0].ends
+    path = end.wire.path if end.wire.path is not None else np.array([end.at, 0.5 * end.at])
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    shares = np.linspace(0, length, len(joints) + 1)
+    stretches = tuple(
+        JointStretch(j, low, high) for j, (low, high) in zip(joints, pairwise(shares), strict=True)
+    )
+    wire = replace(end.wire, leaves="bay", path=path, stretches=stretches, crosses=crosses)
+    cord = replace(some.manifest.cords[0], ends=(start, replace(end, wire=wire)))
+    manifest = replace(some.manifest, cords=(cord, *some.manifest.cords[1:]))
+    return replace(some, manifest=manifest)
+
+
+@pytest.mark.parametrize("assembly", ["held", "bonded"])
+def test_wires_that_a_later_joint_pulls_are_not_glued(assembly):
+    some = blocks(1, 2, assembly, ends=MOUTHS)
     first, last = 0, len(some.manifest.assembly) - 1
     assert last > first
-    start, end = some.manifest.cords[0].ends
-    end = replace(end, wire=replace(end.wire, leaves="bay", joints=(last, first), crosses=(last,)))
-    cords = (replace(some.manifest.cords[0], ends=(start, end)), *some.manifest.cords[1:])
-    manifest = replace(some.manifest, cords=cords)
-    (wire,) = sliding_wires(manifest, first)
-    assert wire is end.wire
-    assert sliding_wires(manifest, last) == []
+    changed = wire_with_joints(some, (last, first), (last,))
+    glued = {a["joint"]: a["lines"] for a in actions_of(guide_of(changed), "glue joint")}
+    assert [j for j in (first, last) if any("along the wire" in x for x in glued[j])] == [first]
+
+
+def test_a_wire_hangs_out_until_the_next_of_its_joints():
+    some = blocks(3, 3, "held", ends=[["bend", "bend"]] * 3)
+    joints = len(some.manifest.assembly)
+    assert joints > 3
+    guide = guide_of(wire_with_joints(some, (0, 1, 3), ()))
+    step_of = {
+        a["joint"]: step["number"]
+        for step in guide["steps"]
+        for a in step["actions"]
+        if a["do"] == "glue joint"
+    }
+    routed = [
+        a
+        for a in actions_of(guide, "route wire")
+        if (a["cord"], a["end"]) == (some.manifest.cords[0].sensor, "end")
+    ]
+    assert [a["joint"] for a in routed] == [0, 1, 3]
+    for action, later in zip(routed, (1, 3, None), strict=True):
+        text = " ".join(action["lines"])
+        assert ("hang out" in text) == (later is not None)
+        if later is not None:
+            assert f"until step {step_of[later]}." in text
+
+
+def test_a_slow_glue_is_offered_where_glue_sets_fast():
+    some = blocks(1, 1, "held", ends=MOUTHS)
+    for assembly, fast in (("held", True), ("bonded", False)):
+        fabrication = replace(some.device.fabrication, assembly=assembly)
+        guide = guide_of(replace(some, device=replace(some.device, fabrication=fabrication)))
+        texts = [
+            " ".join(a["lines"])
+            for kind in ("prepare faces", "glue joint")
+            for a in actions_of(guide, kind)
+        ]
+        assert ["instead" in texts[0], "slow glue" in texts[1]] == [fast, fast]
 
 
 def test_the_step_of_a_joint_names_spots_without_glue():

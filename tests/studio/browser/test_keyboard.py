@@ -113,9 +113,7 @@ def test_the_focus_is_not_lost(page):
     page.keyboard.press("Escape")
     expect(menu).to_be_focused()
 
-    rows = {
-        name: page.get_by_role("treeitem", name=name, exact=True) for name in ("A", "B")
-    }
+    rows = {name: page.get_by_role("treeitem", name=name, exact=True) for name in ("A", "B")}
     rows["A"].focus()
     page.keyboard.press("Enter")
     delete = inspector(page, "Sensors").get_by_role("button", name="Delete", exact=True)

@@ -180,12 +180,20 @@ class Assembler(State):
         self._done.add(("glued", j))
         self._closed_at[j] = self._time
         for c in self.cords.values():
-            self._closed_over(c, before[c.name], wires)
+            is_enclosed = self._closed_over(c, before[c.name], wires)
+            if is_enclosed and all(c.crimped) and not self._bonded:
+                measured = ("measured", c.name, j) in self._done
+                self._check(measured, f"{c.name} is not measured before joint {j} is glued")
 
-    def _closed_over(self, c: Cord, before: Any, wires: Any) -> None:
-        """Check what had to be done with a cord before its groove was closed."""
+    def _closed_over(self, c: Cord, before: Any, wires: Any) -> bool:
+        """Check what had to be done with a cord before its groove was closed.
+
+        Returns:
+            Whether the cord or a wire of it was enclosed.
+        """
         now = self._covered(c.line)
         fresh = now & ~before
+        is_enclosed = bool(fresh.any())
         missing = STEP_MM * float((fresh & ~c.line.inserted).sum())
         self._check(missing < 2, f"{c.name} is not inserted in {missing:g} mm of a closed groove")
         open_ends = [
@@ -199,10 +207,12 @@ class Assembler(State):
             line = c.wires[e]
             if line is not None:
                 new = self._covered(line) & ~wires[c.name, e]
+                is_enclosed |= bool(new.any())
                 lost = STEP_MM * float((new & ~line.inserted).sum())
                 self._check(lost < 2, f"a wire of {c.name} is not in its closed groove")
         if fresh.any() and now.all() and c.held and not any(open_ends):
             self._check(c.stretched, f"{c.name} is enclosed before it is stretched")
+        return is_enclosed
 
     def _draw(self, c: Cord, j: int) -> None:
         """Check that a cord in grooves on both sides of a joint can slide while it closes."""
@@ -263,9 +273,14 @@ class Assembler(State):
             for c in self.cords.values():
                 self._draw(c, j)
             self._piece = self._joined(j)
-        for reading in action["ohm"]:
-            c = self.cords[reading["cord"]]
+        readings = action.get("ohm", [])
+        for name in [r["cord"] for r in readings] + action.get("steady", []):
+            c = self.cords[name]
             self._check(all(c.crimped), f"{c.name} is measured before it has both wires")
+            c.measured = self._time
+            self._done.add(("measured", name, j))
+        for reading in readings:
+            c = self.cords[reading["cord"]]
             self._check(
                 reading["low"] < reading["about"] < reading["high"],
                 f"{c.name}: the expected resistance has no tolerance",
@@ -275,7 +290,6 @@ class Assembler(State):
             self._check(ready, f"{c.name} is measured while it is only partly inserted")
             right = c.record["resistance" if inserted else "resistance_before"]
             self._check(abs(reading["about"] - right) < 1.0, f"{c.name} has another resistance")
-            c.measured = self._time
         self._piece = open_again
 
     def _wire_to_the_board(self, *_: Any) -> None:

@@ -50,7 +50,8 @@ def test_the_error_is_graded_by_the_largest_movement_without_rare_wrong_markers(
     judgment = judged(training, recording)
     distances = np.linalg.norm(recording.points - synthetic.dataset(recording).rest_points, axis=2)
     assert 0.8 * np.nanmax(distances) < judgment.travel <= np.nanmax(distances)
-    assert f"{100 * judgment.error / judgment.travel:.2g} %" in judgment.grade()
+    share = 100 * judgment.error / judgment.travel
+    assert f"{share:.2g} %" in judgment.error_in_words(judgment.error)
     points = recording.points.copy()
     points[:: 2 * len(points) // 3] += 1000.0
     assert judged(training, replace(recording, points=points)).travel < np.nanmax(distances)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import TrainingError
+from defsense_fab.runtime.frames.live_decoder import UNTRAINED_DISTANCE
 from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.training.data.dataset_checks import check_dataset
 from defsense_fab.training.fitting.train_model import train
@@ -86,6 +87,18 @@ def test_a_simulated_model_has_no_intervals(recorded: Maker) -> None:
     assert error(model, dataset) < 0.5
     assert model.main.intervals is None
     assert set(model.without) == set(dataset.channels)
+
+
+def test_the_range_of_a_simulated_model_contains_built_devices(recorded: Maker) -> None:
+    prior, dataset = simulated(recorded), recorded(30, noise=0.0)
+    model = fit_simulated_model(
+        "toy", "", dataset.channels, dataset.ids, dataset.rest_points, prior
+    )
+    for branch in (model.main, *model.without.values()):
+        signals = prior.signals[:, list(branch.channels)]
+        for gain in (0.87, 1.15, np.resize([0.87, 1.15, 1.1], signals.shape[1])):
+            assert (branch.range.distance(gain * signals + 0.01) < 1).mean() > 0.9
+        assert branch.range.distance(5 * signals).max() > UNTRAINED_DISTANCE
 
 
 def test_a_prior_without_states_is_refused() -> None:
