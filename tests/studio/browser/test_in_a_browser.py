@@ -199,7 +199,7 @@ def test_a_cord_is_drawn_by_clicks(open_sensors, folder):
     page.mouse.click(x, y - 10)
     page.get_by_text(re.compile("Point 2 at")).wait_for(state="attached")
     page.mouse.dblclick(x + 150, y)
-    page.get_by_text("C added").wait_for(state="attached")
+    page.get_by_text("A added").wait_for(state="attached")
     (added,) = load_device(folder).sensors
     assert added.curve.points[:, 0].min() < added.curve.points[:, 0].mean() - 30
 
