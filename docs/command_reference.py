@@ -38,6 +38,8 @@ def markdown():
 class Commands(SphinxDirective):
     """The tables, in place of the directive."""
 
+    has_content = True  # shown where the Markdown is read without the site
+
     def run(self):
         """Return the tables as nodes; Sphinx calls this."""
         self.env.note_dependency(command_line.__file__)

@@ -30,6 +30,7 @@ FILES = {
 class FileKeys(SphinxDirective):
     """The reference of a file, by its name without `.toml`, in place of the directive."""
 
+    has_content = True  # shown where the Markdown is read without the site
     required_arguments = 1
 
     def run(self):
@@ -45,6 +46,8 @@ class FileKeys(SphinxDirective):
 class MaterialsOfProcesses(SphinxDirective):
     """A table of the processes with the materials that each makes, in place of the directive."""
 
+    has_content = True  # shown where the Markdown is read without the site
+
     def run(self):
         """Return the table as nodes; Sphinx calls this."""
         lines = ["| process | materials |", "|---|---|"]
@@ -56,6 +59,8 @@ class MaterialsOfProcesses(SphinxDirective):
 
 class Glues(SphinxDirective):
     """A table of the kinds of glue with the materials that each joins, where a page has `glues`."""
+
+    has_content = True  # shown where the Markdown is read without the site
 
     def run(self):
         """Return the table as nodes; Sphinx calls this."""

@@ -53,6 +53,8 @@ def markdown():
 class PythonNames(SphinxDirective):
     """The reference, in place of the directive."""
 
+    has_content = True  # shown where the Markdown is read without the site
+
     def run(self):
         """Sphinx calls this."""
         modules = {module for names in public_names().values() for _, module in names}
