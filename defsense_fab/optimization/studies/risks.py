@@ -35,8 +35,8 @@ def find_risks(problem: Problem, sensors: Sequence[Sensor]) -> list[Notice]:
         if change < max(problem.noise, _MIN_SIGNAL_CHANGE):
             message = (
                 f"{noun} {sensor.name!r}: its signal changes by {change:.2g} over all states, less"
-                f" than the noise of {problem.noise:g}: it carries no information. Free its path"
-                " and plane"
+                f" than the noise of {problem.noise:g}: it carries no information. Remove it"
+                " (of proposed ones, reduce `sensors` in [design]), or free its path and plane"
             )
             out.append(Notice("cord-silent", message, sensor.name))
     if problem.decoder == "kernel":

@@ -5,6 +5,9 @@ first cycles after a long rest (the Mullins effect). If the training began with 
 of setting is known and taken into account from the start. Readings of a device that lies still
 near its rest count as rest: R0 is their mean over the last half minute, so that a hand that pauses
 in the middle of a pose counts no more than it lasts.
+
+Some cords are noisy, or hardly change in any pose, so their readings at rest vary by more than a
+small share of their range. Therefore the first rest may also be a longer period of larger changes.
 """
 
 from __future__ import annotations
@@ -22,6 +25,9 @@ from .live_frame import Note
 _WINDOW_S = 1.5  # in which a device at rest hardly changes
 _MAX_STILL_CHANGE = 0.04  # of the span, between the means of the parts of the window
 _WINDOW_PARTS = 5
+_CALM_WINDOW_S = 3.0  # the window for the first rest, if a channel is noisy
+_MAX_CALM_CHANGE = 0.2  # of the span, or of a large share of the largest span
+_SHARE_OF_LARGEST = 0.4
 _MAX_REST_OFFSET = 0.15  # of the span: readings farther from R0 are no rest
 _MIN_MOVE = 0.4  # of the span: a device that went so far has been moved
 _PRIOR_REST_S = 5.0  # weight of a rest that was known before the device was moved
@@ -107,7 +113,7 @@ class RestTracker:
         if self._window and time - self._window[-1][0] > _WINDOW_S:
             self._window.clear()
         self._window.append((time, ohms))
-        while time - self._window[0][0] > _WINDOW_S:
+        while time - self._window[0][0] > (_WINDOW_S if self._now is not None else _CALM_WINDOW_S):
             self._window.popleft()
         if time - self._last_check >= _CHECK_INTERVAL_S:
             self._check(time - self._last_check, lost)
@@ -157,19 +163,23 @@ class RestTracker:
         return np.array([c not in lost for c in range(len(self._span))])
 
     def _check(self, since: float, lost: frozenset[int]) -> None:
-        duration = self._window[-1][0] - self._window[0][0]
         good = self._good_channels(lost)
         self._is_still = self._is_resting = False
-        if duration < 0.8 * _WINDOW_S or len(self._window) < _MIN_SAMPLES or not good.any():
-            return
-        R = np.array([ohms for _, ohms in self._window])[:, good]
-        if not np.isfinite(R).all() or (R <= 0).any():
+        R = self._readings(_WINDOW_S, good)
+        if R is None:
             return
         median = np.median(R, axis=0)
         if self._now is not None and not self._was_moved and self._offset(good, median) > _MIN_MOVE:
             self._was_moved, self._mean_s = True, self._prior_rest_s
-        means = np.array([part.mean(axis=0) for part in np.array_split(R, _WINDOW_PARTS)])
-        if (np.ptp(means, axis=0) / median > _MAX_STILL_CHANGE * self._span[good]).any():
+        is_still = (_change(R) <= _MAX_STILL_CHANGE * self._span[good]).all()
+        if not is_still and self._now is None:
+            R = self._readings(_CALM_WINDOW_S, good)
+            if R is None:
+                return
+            median = np.median(R, axis=0)
+            reach = np.maximum(self._span, _SHARE_OF_LARGEST * self._span.max())[good]
+            is_still = (_change(R) <= _MAX_CALM_CHANGE * reach).all()
+        if not is_still:
             return
         self._is_still = True
         setting = 1 / (1 + self._rest_signals(False)) if self._was_moved else self._setting
@@ -180,6 +190,15 @@ class RestTracker:
         elif self._offset(good, median) <= _MAX_REST_OFFSET:
             self._is_resting = True
             self._follow(good, median, min(since, 0.2))
+
+    def _readings(self, seconds: float, good: Bool) -> Float | None:
+        """Return the latest readings (n, g) of `good` channels, or None if there are too few."""
+        end = self._window[-1][0]
+        recent = [(time, ohms) for time, ohms in self._window if end - time <= seconds]
+        if end - recent[0][0] < 0.8 * seconds or len(recent) < _MIN_SAMPLES or not good.any():
+            return None
+        R = np.array([ohms for _, ohms in recent])[:, good]
+        return R if np.isfinite(R).all() and (R > 0).all() else None
 
     def _offset(self, good: Bool, median: Float) -> float:
         """Return the largest distance from R0 in spans; infinite if no R0 was measured."""
@@ -217,6 +236,12 @@ class RestTracker:
         self._rest_after_move_s += since if self._was_moved else 0.0
         if self._rest_after_move_s > _SETTLING_S and not self._has_settled:
             self._first, self._has_settled = self._now, True
+
+
+def _change(R: Float) -> Float:
+    """Return the relative change (c,) between the means of parts of readings (n, c)."""
+    parts = np.array_split(R, _WINDOW_PARTS)
+    return np.asarray(np.ptp([part.mean(axis=0) for part in parts], axis=0) / np.median(R, axis=0))
 
 
 def drift_note(channels: tuple[str, ...], drift: Float) -> Note | None:

@@ -264,7 +264,7 @@ def _compare_signals(
                 {"session": session, "source": source, "order": matches},
             )
         ]
-    gain = np.array([np.polyfit(e[:, k], m[:, k], 1)[0] for k in range(c)])
+    gain = np.diag(correlation) * m.std(axis=0) / e.std(axis=0)  # slopes of lines that are fitted
     is_certain = np.diag(correlation) > _MIN_CORRELATION
     # Predictions use the response of some cord, measurements have that of this device's cords.
     ratio = gain / (float(np.median(gain)) if source == "prediction" else 1.0)

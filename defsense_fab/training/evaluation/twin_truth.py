@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from scipy.signal import savgol_filter
 
 from ...core.arrays import Float
@@ -149,8 +150,7 @@ def _remove_memory(ideal: Float, signals: Float) -> Float:
     plain = np.empty_like(ideal)
     for k in range(ideal.shape[1]):
         is_known = np.isfinite(signals[:, k])
-        coefficients = np.polynomial.polynomial.polyfit(
-            ideal[is_known, k], signals[is_known, k], _RESPONSE_ORDER
-        )
-        plain[:, k] = np.polynomial.polynomial.polyval(ideal[:, k], coefficients)
+        x = ideal[is_known, k]
+        order = _RESPONSE_ORDER if np.ptp(x) > 0 else 0
+        plain[:, k] = Polynomial.fit(x, signals[is_known, k], order)(ideal[:, k])
     return plain

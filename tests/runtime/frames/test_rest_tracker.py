@@ -34,6 +34,24 @@ def test_rest_is_the_median_of_the_first_still_period():
     assert rest.is_resting
 
 
+def test_noisy_and_silent_channels_do_not_prevent_the_first_rest():
+    """Their slow noise is larger than a small share of their range."""
+    span, rng = np.array([0.13, 0.05, 1e-6]), np.random.default_rng(4)
+    ohms = np.array([1500.0, 350.0, 1600.0])
+
+    def rest_after(level, seconds=6.0):
+        tracker, slow = RestTracker(span), np.zeros(3)
+        for k in range(round(seconds * RATE)):
+            slow += (rng.normal(size=3) * [3e-3, 1e-2, 3e-3] - slow) * 10 / RATE
+            noise = slow + 1e-3 * rng.normal(size=3)
+            rest = tracker(k / RATE, ohms * (1 + level(k / RATE) * span + noise))
+        return rest
+
+    assert rest_after(lambda _: 0.0).ohms == pytest.approx(ohms, rel=3e-3)
+    for speed in (0.3, 1.0, 3.0):
+        assert rest_after(lambda t, speed=speed: np.sin(speed * t), 4.0).ohms is None
+
+
 def test_first_rest_after_movement_sets_rest_and_resets_drift():
     tracker = RestTracker(SPAN)
     _, t = feed(tracker, 3, still, 0.0)
