@@ -25,6 +25,7 @@ from .plan import (
     INSTALLED_TOLERANCE,
     joint_of_end,
     joints_that_stretch,
+    last_joint,
     last_joint_while_wet,
     late_end,
     sliding_end,
@@ -64,7 +65,7 @@ def write_instructions(context: GuideContext, action: Action) -> tuple[str, ...]
         "slow_glue": find_slow_glue(context.device),
         "measured_cords": (measured := [cords[e.cord] for e in action.expected]),
         "glued_cords": [
-            c.sensor for c in measured if action.joint not in {s.joint for s in c.stretches}
+            c.sensor for c in measured if action.joint is not None and last_joint(c) < action.joint
         ],
     }
     if action.joint is not None:

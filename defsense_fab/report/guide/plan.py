@@ -27,6 +27,11 @@ def joint_of_end(cord: CutCord, end: int) -> int | None:
     return cord.stretches[-end].joint if cord.stretches else None
 
 
+def last_joint(cord: CutCord) -> int:
+    """Return the joint that completes a cord; -1 if no joint holds it."""
+    return max((*(s.joint for s in cord.stretches), *(j for j, _ in cord.drawn)), default=-1)
+
+
 def sliding_wires(manifest: Manifest, j: int) -> list[WireRecord]:
     """Return the wires in joint j that must still slide when a later joint closes."""
     return [
@@ -379,22 +384,23 @@ class _Planner:
         """Return the cords that are in their final place, with both wires, when joint j closes."""
         finished = []
         for cord in self._manifest.cords:
-            is_in_place = bool(cord.stretches) and _last_joint(cord) <= j
+            is_in_place = bool(cord.stretches) and last_joint(cord) <= j
             is_crimped = late_end(cord) is None or max(e.after or 0 for e in cord.ends) < j
             if is_in_place and is_crimped:
                 finished.append(cord)
         return finished
 
     def _cords_continued_after(self, j: int) -> list[CutCord]:
-        """Return the cords with both wires that joint j encloses in part, and a later one ends."""
+        """Return the cords with both wires that joint j can pinch and a later one completes."""
         return [
             cord
             for cord in self._manifest.cords
             if late_end(cord) is None
-            and _last_joint(cord) > j
+            and last_joint(cord) > j
             and (
                 any(s.joint == j for s in cord.stretches)
-                or any(j in end.wire.joints for end in cord.ends)
+                or any(i == j for i, _ in cord.drawn)
+                or any(j in (*end.wire.joints, *end.wire.crosses) for end in cord.ends)
             )
         ]
 
@@ -434,11 +440,6 @@ class _Planner:
         )
         if self._manifest.cords:
             self._add(ActionKind.CHECK, {("connected",)}, {("checked",)})
-
-
-def _last_joint(cord: CutCord) -> int:
-    """Return the joint that completes a cord; -1 if no joint holds it."""
-    return max((*(s.joint for s in cord.stretches), *(j for j, _ in cord.drawn)), default=-1)
 
 
 def _details(cord: CutCord, end: int, joint: int | None, is_late: bool) -> dict[str, Any]:

@@ -6,8 +6,9 @@ of setting is known and taken into account from the start. Readings of a device 
 near its rest count as rest: R0 is their mean over the last half minute, so that a hand that pauses
 in the middle of a pose counts no more than it lasts.
 
-Some cords are noisy, or hardly change in any pose, so their readings at rest vary by more than a
-small share of their range. Therefore the first rest may also be a longer period of larger changes.
+Some cords are noisy, so their readings at rest vary by more than a small share of their range. Such
+changes count as rest if they look like noise: movements change the readings steadily. Channels that
+hardly change in any pose have no say.
 """
 
 from __future__ import annotations
@@ -25,9 +26,12 @@ from .live_frame import Note
 _WINDOW_S = 1.5  # in which a device at rest hardly changes
 _MAX_STILL_CHANGE = 0.04  # of the span, between the means of the parts of the window
 _WINDOW_PARTS = 5
-_CALM_WINDOW_S = 3.0  # the window for the first rest, if a channel is noisy
-_MAX_CALM_CHANGE = 0.2  # of the span, or of a large share of the largest span
+_NOISY_WINDOW_S = 3.0  # the window if a channel is noisy
+_NOISY_PARTS = 10
+_MAX_NOISE_CHANGE = 0.2  # of the span, or of a large share of the largest span
 _SHARE_OF_LARGEST = 0.4
+_MAX_NOISE_STEPS = 4.0  # of the mean step between parts: noise has 2 to 4, movements 4.5 and more
+_SILENT_SHARE = 0.05  # of the largest span: channels with a smaller one have no say
 _MAX_REST_OFFSET = 0.15  # of the span: readings farther from R0 are no rest
 _MIN_MOVE = 0.4  # of the span: a device that went so far has been moved
 _PRIOR_REST_S = 5.0  # weight of a rest that was known before the device was moved
@@ -66,7 +70,7 @@ class RestTracker:
     Args:
         span: Range of (R - R0)/R0 of each channel in the training (c,).
         ohms: R0 (c,), ohm, if it is known. Otherwise R0 is the median of the first period in which
-            nothing changes.
+            nothing but noise changes the readings.
         first_rest_signals: Signals (c,) in the training's first rest, before cords had set; the
             first period is corrected by them.
         trained_ohms: R0 (c,) in the training, ohm, from which R0 of a channel is estimated while it
@@ -113,7 +117,7 @@ class RestTracker:
         if self._window and time - self._window[-1][0] > _WINDOW_S:
             self._window.clear()
         self._window.append((time, ohms))
-        while time - self._window[0][0] > (_WINDOW_S if self._now is not None else _CALM_WINDOW_S):
+        while time - self._window[0][0] > _NOISY_WINDOW_S:
             self._window.popleft()
         if time - self._last_check >= _CHECK_INTERVAL_S:
             self._check(time - self._last_check, lost)
@@ -171,17 +175,10 @@ class RestTracker:
         median = np.median(R, axis=0)
         if self._now is not None and not self._was_moved and self._offset(good, median) > _MIN_MOVE:
             self._was_moved, self._mean_s = True, self._prior_rest_s
-        is_still = (_change(R) <= _MAX_STILL_CHANGE * self._span[good]).all()
-        if not is_still and self._now is None:
-            R = self._readings(_CALM_WINDOW_S, good)
-            if R is None:
-                return
-            median = np.median(R, axis=0)
-            reach = np.maximum(self._span, _SHARE_OF_LARGEST * self._span.max())[good]
-            is_still = (_change(R) <= _MAX_CALM_CHANGE * reach).all()
-        if not is_still:
+        R = self._still_readings(good)
+        if R is None:
             return
-        self._is_still = True
+        self._is_still, median = True, np.median(R, axis=0)
         setting = 1 / (1 + self._rest_signals(False)) if self._was_moved else self._setting
         median = median * setting[good]
         if self._now is None:
@@ -200,10 +197,33 @@ class RestTracker:
         R = np.array([ohms for _, ohms in recent])[:, good]
         return R if np.isfinite(R).all() and (R > 0).all() else None
 
+    def _still_readings(self, good: Bool) -> Float | None:
+        """Return the latest readings (n, g) of `good` channels; None if the device moves."""
+        span, has_say = self._span[good], self._has_say(good)
+        R = self._readings(_WINDOW_S, good)
+        if R is None:
+            return None
+        change, _ = _changes(R, _WINDOW_PARTS)
+        if (change <= _MAX_STILL_CHANGE * span)[has_say].all():
+            return R
+        R = self._readings(_NOISY_WINDOW_S, good)
+        if R is None:
+            return None
+        change, step = _changes(R, _NOISY_PARTS)
+        reach = np.maximum(span, _SHARE_OF_LARGEST * span.max())
+        is_noise = (change <= _MAX_NOISE_CHANGE * reach) & (change <= _MAX_NOISE_STEPS * step)
+        is_still = is_noise | (change <= _MAX_STILL_CHANGE * span)
+        return R if is_still[has_say].all() else None
+
+    def _has_say(self, good: Bool) -> Bool:
+        """Return which of the `good` channels (g,) change enough in the poses to show a rest."""
+        span = self._span[good]
+        return np.asarray(span >= _SILENT_SHARE * span.max())
+
     def _offset(self, good: Bool, median: Float) -> float:
         """Return the largest distance from R0 in spans; infinite if no R0 was measured."""
         assert self._now is not None
-        measured = ~self._estimated[good]
+        measured = ~self._estimated[good] & self._has_say(good)
         if not measured.any():
             return float("inf")
         offset = np.abs(median / self._now[good] - 1) / self._span[good]
@@ -238,10 +258,15 @@ class RestTracker:
             self._first, self._has_settled = self._now, True
 
 
-def _change(R: Float) -> Float:
-    """Return the relative change (c,) between the means of parts of readings (n, c)."""
-    parts = np.array_split(R, _WINDOW_PARTS)
-    return np.asarray(np.ptp([part.mean(axis=0) for part in parts], axis=0) / np.median(R, axis=0))
+def _changes(R: Float, parts: int) -> tuple[Float, Float]:
+    """Return how far the means of parts of readings (n, c) are apart, relative to the readings.
+
+    Returns:
+        The largest distance (c,), and the mean one between successive parts (c,).
+    """
+    means = np.array([part.mean(axis=0) for part in np.array_split(R, parts)])
+    means /= np.median(R, axis=0)
+    return np.ptp(means, axis=0), np.abs(np.diff(means, axis=0)).mean(axis=0)
 
 
 def drift_note(channels: tuple[str, ...], drift: Float) -> Note | None:

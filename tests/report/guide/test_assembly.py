@@ -284,7 +284,7 @@ def test_cords_that_only_a_later_joint_completes_are_measured_before_glue_covers
                 c.sensor
                 for c in some.manifest.cords
                 if all(e.after is None for e in c.ends)
-                and j in (*(s.joint for s in c.stretches), *c.ends[0].wire.joints)
+                and j in (*joints_of(c), *(i for e in c.ends for i in e.wire.joints))
                 and max(joints_of(c)) > j
             }
             here = [a for a in actions if a.get("joint") == j]
@@ -297,6 +297,14 @@ def test_cords_that_only_a_later_joint_completes_are_measured_before_glue_covers
                 assert here.index(action) < [a["do"] for a in here].index("glue joint")
                 assert "Open the joint again" in action["lines"][-1]
             checked += len(later)
+            values = {r["cord"] for a in here for r in a.get("ohm", [])} | later
+            (glued,) = [a for a in here if a["do"] == "glue joint"]
+            for cord in some.manifest.cords:
+                handled = [
+                    x for x in glued["lines"] if cord.sensor in x and "between the faces" in x
+                ]
+                if handled and all(e.after is None for e in cord.ends):
+                    assert cord.sensor in values
     assert checked
 
 
@@ -325,28 +333,33 @@ def test_wires_that_a_later_joint_pulls_are_not_glued(assembly):
     assert [j for j in (first, last) if any("along the wire" in x for x in glued[j])] == [first]
 
 
-def test_a_wire_hangs_out_until_the_next_of_its_joints():
+@pytest.mark.parametrize(
+    ("order", "texts"),
+    [
+        ((0, 1, 3), ("until step {1}.", "until step {3}.", "")),
+        ((3, 0, 1), ("until step {1}.", "until step {3}, with the cord.", "")),
+    ],
+)
+def test_a_wire_hangs_out_until_the_next_of_its_joints(order, texts):
     some = blocks(3, 3, "held", ends=[["bend", "bend"]] * 3)
-    joints = len(some.manifest.assembly)
-    assert joints > 3
-    guide = guide_of(wire_with_joints(some, (0, 1, 3), ()))
+    assert len(some.manifest.assembly) > 3
+    guide = guide_of(wire_with_joints(some, order, ()))
     step_of = {
         a["joint"]: step["number"]
         for step in guide["steps"]
         for a in step["actions"]
         if a["do"] == "glue joint"
     }
+    numbers = [step_of[j] for j in range(len(step_of))]
     routed = [
         a
         for a in actions_of(guide, "route wire")
         if (a["cord"], a["end"]) == (some.manifest.cords[0].sensor, "end")
     ]
     assert [a["joint"] for a in routed] == [0, 1, 3]
-    for action, later in zip(routed, (1, 3, None), strict=True):
-        text = " ".join(action["lines"])
-        assert ("hang out" in text) == (later is not None)
-        if later is not None:
-            assert f"until step {step_of[later]}." in text
+    for action, text in zip(routed, texts, strict=True):
+        hanging = [line for line in action["lines"] if "hang out" in line]
+        assert [line.endswith(text.format(*numbers)) for line in hanging] == [True] * bool(text)
 
 
 def test_a_slow_glue_is_offered_where_glue_sets_fast():

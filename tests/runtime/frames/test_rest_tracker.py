@@ -34,22 +34,47 @@ def test_rest_is_the_median_of_the_first_still_period():
     assert rest.is_resting
 
 
-def test_noisy_and_silent_channels_do_not_prevent_the_first_rest():
-    """Their slow noise is larger than a small share of their range."""
-    span, rng = np.array([0.13, 0.05, 1e-6]), np.random.default_rng(4)
+class NoisyDevice:
+    """A device whose slow noise is larger than a small share of its channels' ranges.
+
+    The last channel hardly changes in any pose.
+    """
+
+    span = np.array([0.13, 0.05, 1e-6])
     ohms = np.array([1500.0, 350.0, 1600.0])
 
-    def rest_after(level, seconds=6.0):
-        tracker, slow = RestTracker(span), np.zeros(3)
-        for k in range(round(seconds * RATE)):
-            slow += (rng.normal(size=3) * [3e-3, 1e-2, 3e-3] - slow) * 10 / RATE
-            noise = slow + 1e-3 * rng.normal(size=3)
-            rest = tracker(k / RATE, ohms * (1 + level(k / RATE) * span + noise))
-        return rest
+    def __init__(self, noise=1.0):
+        self.rng, self.noise = np.random.default_rng(4), noise
+        self.tracker, self.slow, self.time = RestTracker(self.span), np.zeros(3), 0.0
 
-    assert rest_after(lambda _: 0.0).ohms == pytest.approx(ohms, rel=3e-3)
-    for speed in (0.3, 1.0, 3.0):
-        assert rest_after(lambda t, speed=speed: np.sin(speed * t), 4.0).ohms is None
+    def move(self, seconds, level):
+        """Return the rests while the device is at `level(t)` of its ranges."""
+        rests = []
+        for k in range(round(seconds * RATE)):
+            self.time += 1 / RATE
+            drawn = self.noise * self.rng.normal(size=(2, 3))
+            self.slow += (drawn[0] * [3e-3, 1e-2, 3e-3] - self.slow) * 10 / RATE
+            signals = level(k / RATE) * self.span + self.slow + 1e-3 * drawn[1]
+            rests.append(self.tracker(self.time, self.ohms * (1 + signals)))
+        return rests
+
+
+def test_noisy_and_silent_channels_do_not_prevent_a_rest():
+    device = NoisyDevice()
+    rest = device.move(6, lambda _: 0.0)[-1]
+    assert rest.ohms == pytest.approx(device.ohms, rel=4e-3)
+    rests = device.move(12, lambda t: np.sin(2 * t))
+    assert not any(r.is_resting for r in rests[120:])
+    rest = device.move(30, lambda _: 0.0)[-1]
+    assert rest.has_settled
+    assert rest.ohms == pytest.approx(device.ohms, rel=4e-3)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("speed", [0.5, 1.0, 3.0])
+def test_movements_are_no_first_rest(noise, speed):
+    rests = NoisyDevice(noise).move(15, lambda t: np.sin(speed * t))
+    assert all(rest.ohms is None for rest in rests)
 
 
 def test_first_rest_after_movement_sets_rest_and_resets_drift():
