@@ -38,8 +38,8 @@ def write_model(path: Path, model: TrainedModel) -> None:
     """
     data = {"schema": model.SCHEMA, **typed_json.to_json(model)}
     for name in _OPTIONAL:
-        if data[name] is None:
-            del data[name]
+        if data.get(name) is None:
+            data.pop(name, None)
     write_text(path, _serialize({**data, "sha256": _hash(data)}) + "\n")
 
 

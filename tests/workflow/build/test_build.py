@@ -30,6 +30,7 @@ from defsense_fab.sensing.voltage_divider import choose_reference
 from defsense_fab.store.build import Build
 from defsense_fab.store.layout import load_layout
 from defsense_fab.store.manifest import load_manifest, load_part
+from defsense_fab.training.fitting.model_file import load_model, write_model
 from defsense_fab.workflow.build import stage_fabricate, stage_report
 from defsense_fab.workflow.build.stage_optimize import as_stored, warn_uncalibrated_strains
 from tests.support.errors import raises
@@ -210,6 +211,23 @@ def test_resistance_in_the_cut_list_is_that_of_the_cord_as_built(device):
         assert row.range[0] - row.resistance == pytest.approx(low, rel=5e-3, abs=0.1)
         assert row.range[1] - row.resistance == pytest.approx(high, rel=5e-3, abs=0.1)
         assert row.reference_resistor == choose_reference(*row.range)
+
+
+@pytest.mark.slow
+def test_a_build_names_a_model_of_other_cords(copy, capsys):
+    assert main(["train", "--device", str(copy)]) == 0
+    path = copy / "model.json"
+    for model, named in (
+        (load_model(path), None),
+        (replace(load_model(path), layout="0" * 16), str(path)),
+    ):
+        write_model(path, model)
+        capsys.readouterr()
+        assert main(["build", str(copy), "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["model_of_other_cords"] == named
+        assert main(["build", str(copy)]) == 0
+        printed = " ".join(capsys.readouterr().out.split())
+        assert ("on other cords" in printed) == (named is not None)
 
 
 @pytest.mark.slow
