@@ -161,7 +161,7 @@ class WireRecord:
 
     @property
     def joints(self) -> tuple[int, ...]:
-        """Joints that it lies in, from its ferrule on, as indices of the assembly's steps."""
+        """Joints that it runs through, from its ferrule on, as indices of the assembly's steps."""
         return tuple(dict.fromkeys(s.joint for s in self.stretches))
 
     @property
@@ -198,7 +198,7 @@ class CordEnd:
 
 @dataclass(frozen=True)
 class JointStretch:
-    """A stretch of a cord or a wire that lies in one joint.
+    """A stretch of a cord or a wire in one joint.
 
     Attributes:
         joint: Index of the assembly's step.

@@ -8,7 +8,7 @@ in the middle of a pose counts no more than it lasts.
 
 Some cords are noisy, so their readings at rest vary by more than a small share of their range. Such
 changes count as rest if they look like noise: movements change the readings steadily. Channels that
-hardly change in any pose have no say.
+hardly change in any pose are ignored.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _NOISY_PARTS = 10
 _MAX_NOISE_CHANGE = 0.2  # of the span, or of a large share of the largest span
 _SHARE_OF_LARGEST = 0.4
 _MAX_NOISE_STEPS = 4.0  # of the mean step between parts: noise has 2 to 4, movements 4.5 and more
-_SILENT_SHARE = 0.05  # of the largest span: channels with a smaller one have no say
+_SILENT_SHARE = 0.05  # of the largest span: channels with a smaller one are ignored
 _MAX_REST_OFFSET = 0.15  # of the span: readings farther from R0 are no rest
 _MIN_MOVE = 0.4  # of the span: a device that went so far has been moved
 _PRIOR_REST_S = 5.0  # weight of a rest that was known before the device was moved
@@ -175,7 +175,7 @@ class RestTracker:
         median = np.median(R, axis=0)
         if self._now is not None and not self._was_moved and self._offset(good, median) > _MIN_MOVE:
             self._was_moved, self._mean_s = True, self._prior_rest_s
-        R = self._still_readings(good)
+        R = self._still_readings(good, R)
         if R is None:
             return
         self._is_still, median = True, np.median(R, axis=0)
@@ -197,25 +197,25 @@ class RestTracker:
         R = np.array([ohms for _, ohms in recent])[:, good]
         return R if np.isfinite(R).all() and (R > 0).all() else None
 
-    def _still_readings(self, good: Bool) -> Float | None:
-        """Return the latest readings (n, g) of `good` channels; None if the device moves."""
-        span, has_say = self._span[good], self._has_say(good)
-        R = self._readings(_WINDOW_S, good)
-        if R is None:
-            return None
+    def _still_readings(self, good: Bool, R: Float) -> Float | None:
+        """Return readings (n, g) of `good` channels at rest; None if the device moves.
+
+        They are those of the short window, R (m, g), or of the long one if a channel is noisy.
+        """
+        span, is_sensitive = self._span[good], self._is_sensitive(good)
         change, _ = _changes(R, _WINDOW_PARTS)
-        if (change <= _MAX_STILL_CHANGE * span)[has_say].all():
+        if (change <= _MAX_STILL_CHANGE * span)[is_sensitive].all():
             return R
-        R = self._readings(_NOISY_WINDOW_S, good)
-        if R is None:
+        longer = self._readings(_NOISY_WINDOW_S, good)
+        if longer is None:
             return None
-        change, step = _changes(R, _NOISY_PARTS)
+        change, step = _changes(longer, _NOISY_PARTS)
         reach = np.maximum(span, _SHARE_OF_LARGEST * span.max())
         is_noise = (change <= _MAX_NOISE_CHANGE * reach) & (change <= _MAX_NOISE_STEPS * step)
         is_still = is_noise | (change <= _MAX_STILL_CHANGE * span)
-        return R if is_still[has_say].all() else None
+        return longer if is_still[is_sensitive].all() else None
 
-    def _has_say(self, good: Bool) -> Bool:
+    def _is_sensitive(self, good: Bool) -> Bool:
         """Return which of the `good` channels (g,) change enough in the poses to show a rest."""
         span = self._span[good]
         return np.asarray(span >= _SILENT_SHARE * span.max())
@@ -223,7 +223,7 @@ class RestTracker:
     def _offset(self, good: Bool, median: Float) -> float:
         """Return the largest distance from R0 in spans; infinite if no R0 was measured."""
         assert self._now is not None
-        measured = ~self._estimated[good] & self._has_say(good)
+        measured = ~self._estimated[good] & self._is_sensitive(good)
         if not measured.any():
             return float("inf")
         offset = np.abs(median / self._now[good] - 1) / self._span[good]
