@@ -125,7 +125,7 @@ def _run(
 
     Reads a device's cords and shows how it is bent, twisted or pulled: as a moving surface in the
     browser (--view), and as named controls for other programs (--output), one per pose or as
-    formulas. Leave the device at rest for two seconds at the start. New rubber settles in its
+    formulas. Leave the device at rest for three seconds at the start. New rubber settles in its
     first cycles, so move the device through its poses and let it rest once more. All readings are
     stored in the device folder (live/); replay them with --port replay:FILE.
 

@@ -42,8 +42,8 @@ _DRIFT_LIMITED = Note(
 )
 _NOT_SETTLED = Note(
     "cords-not-settled",
-    "move the device through all its poses once, then leave it at rest for two seconds: rubber sets"
-    " in its first cycles",
+    "move the device through all its poses once, then leave it at rest for three seconds: rubber"
+    " sets in its first cycles",
 )
 UNTRAINED = Note(
     "readings-untrained", "the readings are outside the range that the model was trained on"
@@ -51,7 +51,7 @@ UNTRAINED = Note(
 NO_DECODER = Note("no-decoder-without-cord", "the model has no decoder without that cord")
 _WAITING = Note(
     MEASURING_REST,
-    "leave the device at rest for two seconds while its resistances at rest are measured",
+    "leave the device at rest for three seconds while its resistances at rest are measured",
 )
 
 
@@ -90,8 +90,8 @@ class LiveDecoder:
 
     Args:
         model: The trained model.
-        rest: Resistances at rest R0 (c,), ohm, if they are known. Otherwise the device must lie at
-            rest for two seconds first.
+        rest: Resistances at rest R0 (c,), ohm, if they are known. Otherwise the device must be at
+            rest for three seconds first.
         trained_rest: R0 (c,) in the training, ohm, to compare with.
         first_rest_signals: Signals (c,) in the training's first rest, before cords had set.
         follow_drift: Whether R0 follows the drift of the cords.

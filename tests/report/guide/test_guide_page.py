@@ -63,6 +63,8 @@ def test_finished_steps_stay_ticked_after_a_reload(page):
 
 def test_a_phone_does_not_scroll_sideways(page):
     assert page.evaluate("document.documentElement.scrollWidth") == 390
+    wide = "[...document.querySelectorAll('.wide')].filter((e) => e.scrollWidth > e.clientWidth)"
+    assert page.evaluate(f"{wide}.length") == 0
 
 
 def test_the_summary_is_one_printed_page(page, tmp_path):
