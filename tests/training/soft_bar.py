@@ -105,7 +105,10 @@ def trained(data, features=affine_features, past=None, noise=1e-4):
     own = r.visible.all(1)
     decoder = fit_ridge(features(z.shape[1]), z[own], r.points[own].reshape(own.sum(), -1), noise)
     value, turn = np.linalg.eigh(np.cov(z[own].T) + 1e-9 * np.eye(z.shape[1]))
-    within = TrainedRange(z[own].mean(0), turn / np.sqrt(value), 1.0, z.min(0), z.max(0))
+    signals = z[:, :3]
+    within = TrainedRange(
+        z[own].mean(0), turn / np.sqrt(value), 1.0, signals.min(0), signals.max(0)
+    )
     within = replace(within, usual=float(np.quantile(within.distance(z[own]), 0.99)))
     miss = np.linalg.norm(decoder(z).reshape(len(z), -1, 3) - r.points, axis=2)
     intervals = Intervals(0.9, np.nanquantile(miss, 0.9, axis=0), 1.0)

@@ -51,7 +51,7 @@ class DecodedFrames:
         measured: Measured marker positions, shape (t, m, 3), mm; NaN where not visible.
         sigma: Standard deviations of the measured positions, shape (t, m, 3), mm.
         radius: Radius of the intervals, shape (t, m), mm.
-        distance: Distance of the inputs from the trained range, shape (t,).
+        distance: Distance of the signals from the trained range, shape (t,).
         omitted: Frames that were left out.
     """
 
@@ -347,15 +347,20 @@ def decode_signals(model: TrainedModel, time: Float, signals: Float, at: Float) 
 
 
 def _decode_batches(model: TrainedModel, inputs: Float) -> Decoded:
-    """Decode inputs (t, d) of the model's main branch, in batches."""
+    """Decode inputs (t, d) of the model's main branch, in batches.
+
+    The distances are those of the signals alone. Slow memories of a later part of a recording are
+    always beyond those of its first part.
+    """
+    main = model.main
     parts = [
-        decode_inputs(model.main, inputs[k : k + _BATCH_FRAMES], len(model.ids))
+        decode_inputs(main, inputs[k : k + _BATCH_FRAMES], len(model.ids))
         for k in range(0, max(len(inputs), 1), _BATCH_FRAMES)
     ]
     return Decoded(
         np.concatenate([p.points for p in parts]),
         np.concatenate([p.radius for p in parts]),
-        np.concatenate([p.distance for p in parts]),
+        main.signal_range.distance(inputs[:, : len(main.channels)]),
     )
 
 
