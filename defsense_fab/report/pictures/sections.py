@@ -143,15 +143,22 @@ def _choose_offset(levels: Float, size: float) -> float:
     """Return where a plane passes through moving nodes: at 0, unless a plane elsewhere passes
     through more than twice as many of them, as at the middle between two fingers.
 
+    A plane along the skin does not count: meshes have most of their nodes there.
+
     Args:
         levels: Distances (n,) of the nodes from the plane at 0, mm.
         size: Size of the body, mm.
     """
+    margin = _PLANE_MARGIN * size
 
     def count(level: float) -> int:
-        return int((np.abs(levels - level) <= _PLANE_MARGIN * size).sum())
+        return int((np.abs(levels - level) <= margin).sum())
 
-    others = sorted(np.percentile(levels, np.arange(0, 101, 5)), key=abs)
+    depth = np.minimum(levels - levels.min(), levels.max() - levels)
+    inside = levels[depth > 2 * margin]
+    if not len(inside):
+        return 0.0
+    others = sorted(np.percentile(inside, np.arange(0, 101, 5)), key=abs)
     best = max(others, key=count)
     return float(best) if count(best) > 2 * count(0.0) else 0.0
 

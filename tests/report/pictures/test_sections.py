@@ -38,6 +38,14 @@ def test_the_first_section_holds_the_bend_and_the_second_is_square_to_it(bar, di
     assert (planes.peak - planes.across.origin) @ planes.across.normal == pytest.approx(0, abs=2)
 
 
+def test_a_bend_is_cut_inside_a_body_with_most_nodes_in_its_skin(bar):
+    moved, strain = bent(bar.nodes, np.array([0, 0, 1.0]))
+    kept = (np.abs(bar.nodes[:, 1]) == 15) | (np.arange(len(bar.nodes)) % 5 == 0)
+    nodes = bar.nodes[kept]
+    planes = sections(nodes, moved[kept], strain[kept], nodes[:, 0] > 140)
+    assert abs(planes.moving.origin @ planes.moving.normal) < 10
+
+
 def test_a_twist_is_cut_through_its_axis(bar):
     x, y, z = bar.nodes.T
     moved = 0.004 * x[:, None] * np.stack([0 * x, -z, y], 1)
