@@ -39,6 +39,8 @@ from .predict import ScoredLayout, predict
 SIMILAR_ERROR_RATIO = 1.05  # to the best error, within which layouts count as equally accurate
 #: Ratio to the best error, within which a layout with fewer parts is preferred.
 FEWER_PARTS_ERROR_RATIO = 1.25
+#: Ratio to the best error, beyond which a layout is not offered.
+MAX_OFFERED_ERROR_RATIO = 10.0
 
 
 class TriedLayout(Protocol):
@@ -102,10 +104,13 @@ def offered_layouts(trials: Sequence[W], prefer: str) -> list[W]:
         prefer: As for `prefer_layout`.
 
     Returns:
-        The layouts, the one with the fewest parts first.
+        The layouts, the one with the fewest parts first, without those of useless errors.
     """
-    counts = sorted({t.parts or 0 for t in _feasible(trials)})
-    offers = (prefer_layout(trials, prefer, count) for count in counts)
+    feasible = _feasible(trials)
+    best = min(map(_built, feasible), default=0.0)
+    useful = [t for t in feasible if _built(t) <= MAX_OFFERED_ERROR_RATIO * best]
+    counts = sorted({t.parts or 0 for t in useful})
+    offers = (prefer_layout(useful, prefer, count) for count in counts)
     return [offer for offer in offers if offer is not None]
 
 

@@ -52,6 +52,11 @@ def test_the_fewest_parts_of_similar_layouts_or_the_best_are_preferred():
 def test_one_layout_is_offered_for_each_number_of_parts():
     assert offered_layouts(TRIALS, "simple") == [TRIALS[4], TRIALS[2], TRIALS[0]]
     assert offered_layouts(TRIALS[1:2], "simple") == []
+    assert offered_layouts((*TRIALS, trial(147.0, 3)), "simple") == [
+        TRIALS[4],
+        TRIALS[2],
+        TRIALS[0],
+    ]
 
 
 @pytest.fixture
