@@ -13,7 +13,7 @@ from matplotlib import pyplot as plt  # after the choice of the backend
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent / "contributing" / "benchmark-real.md"
-HEAD = "| recording | unit | s | frames, training + test | mean |"
+HEAD = "| recording | unit | mean |"
 OURS = "ours"
 MARKS = {
     "ridge": "v",
