@@ -21,6 +21,8 @@ from .input_decoder import InputDecoder, SharedMemory
 from .quantities import MARKER_UNIT, Readings, Targets
 from .signal_history import Past, PastStream, interpolate_at
 
+UNTRAINED_DISTANCE = 1.5  # of signals; 1 % of the training's own readings are beyond 1
+
 
 @dataclass(frozen=True)
 class Intervals:

@@ -104,7 +104,7 @@ def offered_layouts(trials: Sequence[W], prefer: str) -> list[W]:
         prefer: As for `prefer_layout`.
 
     Returns:
-        The layouts, the one with the fewest parts first, without those of useless errors.
+        The layouts, the one with the fewest parts first, without those whose errors are useless.
     """
     feasible = _feasible(trials)
     best = min(map(_built, feasible), default=0.0)

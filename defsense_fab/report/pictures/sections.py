@@ -143,7 +143,7 @@ def _choose_offset(levels: Float, size: float) -> float:
     """Return where a plane passes through moving nodes: at 0, unless a plane elsewhere passes
     through more than twice as many of them, as at the middle between two fingers.
 
-    A plane along the skin does not count: meshes have most of their nodes there.
+    A plane along the skin does not count: meshes have many nodes there, on one side only.
 
     Args:
         levels: Distances (n,) of the nodes from the plane at 0, mm.
@@ -154,12 +154,14 @@ def _choose_offset(levels: Float, size: float) -> float:
     def count(level: float) -> int:
         return int((np.abs(levels - level) <= margin).sum())
 
-    depth = np.minimum(levels - levels.min(), levels.max() - levels)
-    inside = levels[depth > 2 * margin]
-    if not len(inside):
-        return 0.0
-    others = sorted(np.percentile(inside, np.arange(0, 101, 5)), key=abs)
-    best = max(others, key=count)
+    def is_inside(level: float) -> bool:
+        offset = levels - level
+        depth = np.abs(offset)
+        near = offset[(depth >= margin / 2) & (depth <= 3 * margin)]
+        return bool((near < 0).any() and (near > 0).any())
+
+    candidates = sorted(np.percentile(levels, np.arange(0, 101, 5)), key=abs)
+    best = max(filter(is_inside, candidates), key=count, default=0.0)
     return float(best) if count(best) > 2 * count(0.0) else 0.0
 
 

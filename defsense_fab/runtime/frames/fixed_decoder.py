@@ -7,12 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from ...decoding.quantities import Readings
-from ...decoding.trained_model import Decoded, TrainedModel, decode_inputs
+from ...decoding.trained_model import (
+    UNTRAINED_DISTANCE,
+    Decoded,
+    TrainedModel,
+    decode_inputs,
+)
 from .live_decoder import (
     IMPLAUSIBLE_DISTANCE,
     NO_DECODER,
     UNTRAINED,
-    UNTRAINED_DISTANCE,
     Reading,
     make_frame,
     require_channels,

@@ -12,14 +12,18 @@ import numpy as np
 
 from ...core.arrays import Bool, Float
 from ...core.errors import LiveError
-from ...decoding.trained_model import Decoded, TrainedModel, decode_inputs
+from ...decoding.trained_model import (
+    UNTRAINED_DISTANCE,
+    Decoded,
+    TrainedModel,
+    decode_inputs,
+)
 from ...sensing.response import relative_change
 from .live_faults import SWAPPED, LiveFault, LiveFaults, SwapWatch, fault_note
 from .live_frame import MEASURING_REST, LiveFrame, Note, Quality
 from .rest_signals import rest_signals
 from .rest_tracker import Rest, RestTracker, drift_note
 
-UNTRAINED_DISTANCE = 1.5  # of signals; 1 % of the training's own readings lie beyond 1
 IMPLAUSIBLE_DISTANCE = 5.0  # readings so far from the training cannot be decoded
 _DISTANCE_TIME_CONSTANT_S = 0.3  # of the average that is compared with UNTRAINED_DISTANCE
 _MAX_REST_RATIO = 3.0  # times R0 in the training, which no cord of the same length has

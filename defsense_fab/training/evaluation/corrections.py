@@ -74,7 +74,7 @@ def residual_of(frames: DecodedFrames) -> Residual:
     Returns:
         The residual.
     """
-    is_inside = frames.distance <= 1
+    is_inside = frames.is_inside
     has_enough = is_inside.mean() >= _MIN_INSIDE_SHARE
     fitting = frames.weights * is_inside[:, None] if has_enough else frames.weights
     return Residual(

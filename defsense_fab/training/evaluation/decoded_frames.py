@@ -12,7 +12,7 @@ from ...core.arrays import Bool, Float, Int
 from ...core.errors import TrainingError
 from ...decoding.quantities import Readings
 from ...decoding.signal_history import interpolate_at
-from ...decoding.trained_model import Decoded, TrainedModel, decode_inputs
+from ...decoding.trained_model import UNTRAINED_DISTANCE, Decoded, TrainedModel, decode_inputs
 from ..data.dataset import Dataset, Recording
 from ..data.dataset_assembly import select_channel_indices, select_targets, use_readings
 
@@ -67,6 +67,11 @@ class DecodedFrames:
     radius: Float
     distance: Float
     omitted: OmittedFrames
+
+    @cached_property
+    def is_inside(self) -> Bool:
+        """Whether each frame is within the trained range, shape (t,), as in a live run."""
+        return np.asarray(self.distance <= UNTRAINED_DISTANCE)
 
     @cached_property
     def error(self) -> Float:

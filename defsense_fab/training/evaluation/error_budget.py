@@ -177,13 +177,13 @@ def _correct_channels(
     have are rejected.
     """
     placed, drifted, _ = _fit_channels(model, data, frames, residual)
-    inside_share = float((frames.distance <= 1).mean())
+    inside_share = float(frames.is_inside.mean())
     if inside_share > 1 - _MIN_RETURNED_SHARE:
         return placed, drifted, frames
     all_frames = replace(residual, fitting=residual.weights)
     all_placed, all_drifted, channels = _fit_channels(model, data, frames, all_frames)
     corrected = replace(frames, distance=channels.distance())
-    returned = float((corrected.distance <= 1).mean()) - inside_share
+    returned = float(corrected.is_inside.mean()) - inside_share
     if returned < _MIN_RETURNED_SHARE or all_drifted.square >= min(drifted.square, residual.square):
         return placed, drifted, frames
     fitting = residual_of(corrected).fitting
@@ -233,7 +233,7 @@ def correct_decoder(
         The remaining errors.
     """
     features = _rich_features(_branch_inputs(model, data, frames))
-    is_inside = (frames.distance <= 1)[:, None, None]
+    is_inside = frames.is_inside[:, None, None]
 
     def correct(ridge: float) -> Float:
         return np.where(is_inside, fit_features(residual, features, ridge), 0.0)
@@ -244,7 +244,7 @@ def correct_decoder(
 def unseen_share(frames: DecodedFrames, residual: Residual) -> float:
     """Return by how much frames beyond the trained range have a larger square than those within."""
     squares = (residual.weights * (residual.error**2).sum(axis=2)).sum(axis=1)
-    is_inside = frames.distance <= 1
+    is_inside = frames.is_inside
     if is_inside.all() or not is_inside.any():
         return 0.0
     return max(float((squares[~is_inside] - squares[is_inside].mean()).sum()), 0.0)

@@ -147,7 +147,7 @@ def evaluate(model: TrainedModel, dataset: Dataset, last_share: float = 1.0) -> 
         is_returning = outward_component(velocity, displacements) < 0
         speed = rms_length(velocity) * np.where(is_returning, -1.0, 1.0)
     too_far = outward_component(frames.error, displacements)
-    is_inside = np.asarray(frames.distance <= 1)
+    is_inside = frames.is_inside
     squares = np.where(frames.visible, frames.marker_error**2, 0.0).sum(0)
     with np.errstate(all="ignore"):
         mean_squares = squares / frames.visible.sum(0)

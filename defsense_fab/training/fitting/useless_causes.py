@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ...core.arrays import Float
-from ...decoding.trained_model import TrainedModel
+from ...decoding.trained_model import UNTRAINED_DISTANCE, TrainedModel
 from ..data.dataset_assembly import select_channel_indices
 from ..data.time_alignment import MAX_WIDE_SHIFT_S, find_wide_shift
 from ..regression.frames import Frames
@@ -361,7 +361,8 @@ def _untrained_movement(model: TrainedModel, frames: Frames) -> Cause | None:
         ]
     )
     inputs = inputs[np.isfinite(inputs).all(axis=1)]
-    share = float((model.main.range.distance(inputs) > 1).mean()) if len(inputs) else 0.0
+    distance = model.main.signal_range.distance(inputs[:, : len(model.main.channels)])
+    share = float((distance > UNTRAINED_DISTANCE).mean()) if len(inputs) else 0.0
     if share < _MAX_BEYOND_SHARE:
         return None
     return Cause(

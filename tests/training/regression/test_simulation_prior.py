@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from defsense_fab.core.errors import TrainingError
-from defsense_fab.runtime.frames.live_decoder import UNTRAINED_DISTANCE
+from defsense_fab.decoding.trained_model import UNTRAINED_DISTANCE
 from defsense_fab.training.data.dataset import Dataset
 from defsense_fab.training.data.dataset_checks import check_dataset
 from defsense_fab.training.fitting.train_model import train
