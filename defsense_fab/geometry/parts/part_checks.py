@@ -66,6 +66,9 @@ def joint_notes(part_set: PartSet) -> dict[str, Float]:
 #: Largest share of a part that may be thinner than two lines: such places print as gaps. Wedges
 #: between planes that cross at small angles are noted far below that.
 MAX_THIN_SHARE, NOTED_THIN_SHARE = 0.5, 0.05
+#: Length of the films without thickness in a layer; rounding leaves short ones at the tips of
+#: wedges.
+MAX_FILM_MM = 5.0
 LAYERS, CORNER_TOLERANCE_MM = 30, 0.01
 
 
@@ -81,7 +84,7 @@ def check_thin_places(
         rules: Rules of the parts.
 
     Raises:
-        FabricationError: If a part is thin in most of it.
+        FabricationError: If a part is thin in most of it, or has films without thickness.
     """
     width, checks = rules.inner_wall, []
     for i in which:
@@ -90,6 +93,16 @@ def check_thin_places(
             pieces[i], part.down, width, LAYERS, CORNER_TOLERANCE_MM
         )
         share, at = thin.share, part.center if thin.point is None else thin.point
+        if thin.film > MAX_FILM_MM and thin.film_point is not None:
+            raise FabricationError(
+                f"has walls without thickness near {format_point(thin.film_point)}, which the cut"
+                " left",
+                code="part-too-thin",
+                where=part.name,
+                action="Move a plane a little",
+                part=part.name,
+                at=thin.film_point.tolist(),
+            )
         if share > MAX_THIN_SHARE:
             cords_nearby = {
                 c for cut in part_set.cuts for c in cut.cords if any(i in s for s in cut.sides)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import manifold3d as m3
@@ -16,6 +16,7 @@ from ..kernels.cutting_tools import MIN_PIECE_MM3, Prism
 
 THREAD_DIAMETER_MM = 0.05  # diameter of the tube that represents a cord
 MAX_COVER_MM2 = 0.1  # by which parts may cover each other and still come apart
+OVERLAP_MM = 0.01  # of solids that are joined, as faces that only touch can stay separate
 
 
 def make_thread(lines: Sequence[Float], normal: Float) -> Any:
@@ -122,15 +123,22 @@ def _options(
     prisms = None if margin is None else _prisms_around(piece, plane, line, margin, play)
     is_found = False
     for s, side in enumerate((below, above)):
-        candidates = solids_of(
-            side if prisms is None else side ^ triangle_kernel.solid_of(prisms[s][0])
-        )
+        region = None if prisms is None else triangle_kernel.solid_of(prisms[s][0])
+        candidates = solids_of(side if region is None else side ^ region)
         touched = [c for c in candidates if runs_in(line, c)]
         others = [c for c in candidates if not runs_in(line, c)]
         if not touched or _is_blocked(touched, others, plane):
             continue
         freed = triangle_kernel.union(touched)
-        rest = solids_of(piece - freed)
+        outside = (above, below)[s] if region is None else piece - region
+        if others:
+            prism = None if prisms is None else prisms[s][0]
+            inside = solids_of(_inside(piece, plane, s, prism, OVERLAP_MM))
+            kept = [c for c in inside if any((c ^ o).volume() > MIN_PIECE_MM3 for o in others)]
+            if any(runs_in(line, c) for c in kept):
+                continue
+            outside = triangle_kernel.union([outside, *kept])
+        rest = solids_of(outside)
         lid = freed if prisms is None else freed ^ triangle_kernel.solid_of(prisms[s][1])
         taken = solids_of(lid)
         if not rest or not taken:
@@ -146,6 +154,24 @@ def _options(
         )
     if margin is not None and not is_found:
         yield Halves(*sides, rank=0.0)
+
+
+def _inside(piece: Any, plane: Plane, s: int, prism: Prism | None, growth: float) -> Any:
+    """Return what a cut below (`s` = 0) or above (1) a plane contains of a piece, if the half-space
+    or the prism is larger by `growth` mm.
+    """
+    normal = (2 * s - 1) * plane.normal
+    side = piece.trim_by_plane(normal, float(normal @ plane.origin) - growth)
+    if prism is None:
+        return side
+    polygon = m3.CrossSection([prism.polygon]).offset(growth, m3.JoinType.Miter, 2.0)
+    grown = replace(
+        prism,
+        origin=prism.origin - growth * plane.normal,
+        polygon=np.asarray(polygon.to_polygons()[0], float),
+        height=prism.height + 2 * growth,
+    )
+    return side ^ triangle_kernel.solid_of(grown)
 
 
 def _prisms_around(

@@ -2,11 +2,14 @@
 
 import math
 
+import manifold3d as m3
+import numpy as np
 import pytest
 
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.channels.cord_channels import make_channels
 from defsense_fab.geometry.kernels import triangle_kernel
+from defsense_fab.geometry.kernels.triangle_kernel import find_thin_places
 from defsense_fab.geometry.parts.division import cut_orders, plan_division
 from tests.geometry.parts.cords import cord
 
@@ -43,3 +46,31 @@ def test_all_orders_of_few_planes_and_one_of_many(planes):
 
 def test_planes_of_short_cords_are_cut_first_among_many():
     assert cut_orders(6, [4, 1]) == [(0, 1, 2, 3, 4, 5), (4, 1, 0, 2, 3, 5)]
+
+
+@pytest.fixture
+def grip():
+    """An oval handle, flat at the back, on a round foot."""
+    oval = m3.CrossSection.circle(1.0, 128).scale((18.0, 13.0))
+    flat = m3.CrossSection.square((80.0, 40.0)).translate((-40.0, 6.5))
+    return m3.Manifold.extrude(oval - flat, 110.0) + m3.Manifold.cylinder(10.0, 32.0, 32.0, 128)
+
+
+def test_parts_end_where_they_are_cut(grip):
+    """The slanted plane of B also cuts the foot, but only the handle comes off."""
+    along = [[0, 0], [8, 0], [24, -1.5], [45, -1.8], [63, -1.9], [82, -1.4], [98, 0], [106, 0]]
+    across = [[0, 0], [6.7, 0], [11.6, -1.3], [16.7, -1.5], [23.2, -1.6], [33.6, 0], [40.3, 0]]
+    cords = [
+        cord("A", [-0.121, -0.9926, -0.002], [1, -10.3, 2], [-0.014, -0.0003, 1], along),
+        cord("B", [-0.7009, -0.13, 0.7013], [12.8, 3, 45], [-0.7049, -0.0234, -0.7089], across),
+    ]
+    surface = triangle_kernel.to_surface(grip)
+    channels = make_channels(cords, surface, 2.2, 1.0, Pockets(2.75, 7.0))
+    planned = plan_division(grip, channels, 1.1, 1.0, 0.15, through=True)
+    assert len(planned.leaves) == 3
+    foot = next(p for p in planned.leaves if p.bounding_box()[4] > 30)
+    assert foot.bounding_box()[5] == pytest.approx(50, abs=2)
+    for leaf in planned.leaves:
+        assert leaf.volume() > 1000
+        assert len(leaf.decompose()) == 1
+        assert find_thin_places(leaf, np.array([0, 0, -1.0]), 1.0, 30, 0.01).film < 2

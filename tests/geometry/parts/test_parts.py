@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import manifold3d as m3
 import numpy as np
 import pytest
 import trimesh
@@ -436,3 +437,12 @@ def test_channels_that_open_into_another_joint_are_reported(bar):
     warnings = [w for w in part_set.warnings if "'a'" in w and "'b'" in w]
     assert warnings
     assert "mm near (" in warnings[0]
+
+
+def test_walls_without_thickness_are_refused(bar):
+    body = triangle_kernel.to_manifold(bar, "bar")
+    plate = m3.Manifold.cube((1e-5, 20.0, 20.0)).translate((75.0, 10.0, -10.0))
+    surface = triangle_kernel.to_surface(body + plate)
+    with raises(FabricationError, "part-too-thin") as caught:
+        make_parts(surface, crossing()[:1], RULES)
+    assert caught.value.data["at"][0] == pytest.approx(75.0, abs=0.1)
