@@ -36,7 +36,8 @@ def find_risks(problem: Problem, sensors: Sequence[Sensor]) -> list[Notice]:
             message = (
                 f"{noun} {sensor.name!r}: its signal changes by {change:.2g} over all states, less"
                 f" than the noise of {problem.noise:g}: it carries no information. Remove it"
-                " (of proposed ones, reduce `sensors` in [design]), or free its path and plane"
+                " (if it was proposed, with fewer sensors in [design]), free its path and plane, or"
+                " let wires leave at more places ([wires] exit)"
             )
             out.append(Notice("cord-silent", message, sensor.name))
     if problem.decoder == "kernel":
