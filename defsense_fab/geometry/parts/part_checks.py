@@ -93,29 +93,26 @@ def check_thin_places(
             pieces[i], part.down, width, LAYERS, CORNER_TOLERANCE_MM
         )
         share, at = thin.share, part.center if thin.point is None else thin.point
-        if thin.film > MAX_FILM_MM and thin.film_point is not None:
+        film_at = thin.film_point if thin.film > MAX_FILM_MM else None
+        if film_at is not None or share > MAX_THIN_SHARE:
+            near = {c for cut in part_set.cuts for c in cut.cords if any(i in s for s in cut.sides)}
+            cords = [part_set.channels[c].name for c in sorted(near)]
+            planes = f"the planes of {' and '.join(map(repr, cords))}"
+            if film_at is not None:
+                at = film_at
+                fault = f"has walls without thickness near {format_point(at)}, between {planes}"
+            else:
+                fault = (
+                    f"is thinner than {width:.1f} mm in {share:.0%} of it, near"
+                    f" {format_point(at)}, between {planes} and the skin"
+                )
             raise FabricationError(
-                f"has walls without thickness near {format_point(thin.film_point)}, which the cut"
-                " left",
-                code="part-too-thin",
-                where=part.name,
-                action="Move a plane a little",
-                part=part.name,
-                at=thin.film_point.tolist(),
-            )
-        if share > MAX_THIN_SHARE:
-            cords_nearby = {
-                c for cut in part_set.cuts for c in cut.cords if any(i in s for s in cut.sides)
-            }
-            cords = " and ".join(repr(part_set.channels[c].name) for c in sorted(cords_nearby))
-            raise FabricationError(
-                f"is thinner than {width:.1f} mm in {share:.0%} of it, near {format_point(at)},"
-                f" between the planes of {cords} and the skin",
+                fault,
                 code="part-too-thin",
                 where=part.name,
                 action="Move a plane",
                 part=part.name,
-                cords=[part_set.channels[c].name for c in sorted(cords_nearby)],
+                cords=cords,
                 at=at.tolist(),
             )
         name = f"{part.name}: share thinner than {width:.1f} mm"
