@@ -256,7 +256,7 @@ class ThinPlaces:
         share: Share of the area of all layers.
         point: Point (3,) of the largest thin place, mm, or None if there is none.
         film: Length of films, walls without thickness, in the layer that has most of them, mm.
-        film_point: Point (3,) of the longest of them, mm, or None if there is none.
+        film_point: Point (3,) of the longest of them, mm; None without films.
     """
 
     share: float
