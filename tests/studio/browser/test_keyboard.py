@@ -141,6 +141,33 @@ def test_the_focus_is_not_lost(page):
     expect(states.locator(":focus")).to_have_count(1)
 
 
+#: What takes the focus from an element, in the terms of the document.
+LOSSES = (
+    "element.hidden = true",
+    "element.style.visibility = 'hidden'",
+    "element.disabled = true",
+    "element.inert = true",
+    "element.remove()",
+)
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_the_focus_stays_in_the_region_of_what_is_lost(page, loss):
+    enter(page, "Inside")
+    scene, panel = page.get_by_role("main"), inspector(page, "Inside")
+    for region, name in (
+        (scene, "Turn the plane over"),
+        (scene, "Move the plane along its normal"),
+        (panel, "Surface to surface"),
+    ):
+        element = region.get_by_role("radio" if name[0] == "S" else "button", name=name)
+        element.focus()
+        element.evaluate(f"element => {{ {loss} }}")
+        page.wait_for_timeout(RESTORED_MS)
+        expect(region.locator(":focus")).to_have_count(1)
+        expect(region.locator(":focus")).not_to_have_accessible_name(name)
+
+
 def test_refused_names_stay_and_escape_restores_them(page, folder):
     enter(page, "Sensors")
     page.get_by_role("treeitem", name="A", exact=True).press("Enter")

@@ -1,7 +1,7 @@
-// Keeps the focus in the page: if the focused element disappears, a sensible one gets it.
+// Keeps the focus in the page: if its element disappears or is disabled, a sensible one gets it.
 import { effect } from "@preact/signals";
 import { step } from "../state/step";
-import { focusableIn, focusHeading, focusScene } from "./regions";
+import { focusableIn, focusHeading, focusScene, isUsable } from "./regions";
 
 /** In which the page may move the focus itself, ms. */
 const DELAY_MS = 30;
@@ -34,15 +34,15 @@ function remember(element: HTMLElement): void {
   place = { element, trail, step: step.peek(), isInScene };
 }
 
-const isReachable = (element: HTMLElement) => element.isConnected && element.checkVisibility();
-
 /** Move the focus to what took the place of the lost element, or to the heading of the step. */
 function restore(): void {
-  if (place && isReachable(place.element)) return place.element.focus();
+  if (place && isUsable(place.element)) return place.element.focus();
   if (place?.step === step.peek()) {
     if (place.isInScene && focusScene()) return;
-    const found = place.trail.find(({ parent }) => parent.isConnected);
-    if (found && !found.parent.matches(FRAMES) && focusNear(found.parent, found.index)) return;
+    for (const { parent, index } of place.trail) {
+      if (parent.matches(FRAMES)) break;
+      if (parent.isConnected && focusNear(parent, index)) return;
+    }
   }
   focusHeading();
 }
@@ -58,7 +58,7 @@ function focusNear(parent: Element, index: number): boolean {
 
 function check(): void {
   if (!current || (document.activeElement && document.activeElement !== document.body)) return;
-  if (isReachable(current.element)) current = null;
+  if (isUsable(current.element)) current = null;
   else restore();
 }
 

@@ -13,13 +13,17 @@ const REGIONS = [
 const FOCUSABLE =
   "button, [href], input, select, textarea, canvas, summary, [tabindex]:not([tabindex='-1'])";
 
+/** Whether an element is shown and not disabled. */
+export function isUsable(element: Element): boolean {
+  const isShown = element.checkVisibility({ visibilityProperty: true });
+  return isShown && !element.closest("[inert], :disabled");
+}
+
 /** The elements within one that Tab reaches, in order, without the link that skips to the scene. */
 export function focusableIn(element: Element): HTMLElement[] {
   const items = [...element.querySelectorAll<HTMLElement>(FOCUSABLE)];
   if (element instanceof HTMLElement && element.matches(FOCUSABLE)) items.unshift(element);
-  return items.filter(
-    (item) => item.tabIndex >= 0 && item.checkVisibility() && !item.closest("[inert], :disabled, .skip-link"),
-  );
+  return items.filter((item) => item.tabIndex >= 0 && isUsable(item) && !item.closest(".skip-link"));
 }
 
 /** Focus the first control of the next region, or of the one before. */
