@@ -255,18 +255,10 @@ class ThinPlaces:
     Attributes:
         share: Share of the area of all layers.
         point: Point (3,) of the largest thin place, mm, or None if there is none.
-        film: Length of films, walls without thickness, in the layer that has most of them, mm.
-        film_point: Point (3,) of the longest of them, mm; None without films.
     """
 
     share: float
     point: Float | None
-    film: float = 0.0
-    film_point: Float | None = None
-
-
-#: Width of a film, mm.
-FILM_MM = 1e-3
 
 
 def find_thin_places(
@@ -287,14 +279,9 @@ def find_thin_places(
     upright = to_plane_frame(solid, axes, np.zeros(3))
     low, high = upright.bounding_box()[2], upright.bounding_box()[5]
     total_area, thin_area, largest_area, point = 0.0, 0.0, 0.0, None
-    film, film_point = 0.0, None
     for z in low + (np.arange(layers) + 0.5) / layers * (high - low):
         layer = upright.slice(float(z))
         total_area += float(layer.area())
-        if not layer.is_empty():
-            length, at = _find_films(layer)
-            if length > film:
-                film, film_point = length, axes @ np.array([*at, z])
         for shape in (layer - layer.offset(-width / 2).offset(width / 2 + tolerance)).decompose():
             area = float(shape.area())
             if area > width**2:  # larger than a corner
@@ -302,25 +289,68 @@ def find_thin_places(
                 if area > largest_area:
                     largest_area = area
                     point = axes @ np.array([*np.asarray(shape.to_polygons()[0]).mean(axis=0), z])
-    return ThinPlaces(thin_area / total_area if total_area else 1.0, point, film, film_point)
+    return ThinPlaces(thin_area / total_area if total_area else 1.0, point)
 
 
-def _find_films(layer: Any) -> tuple[float, Float]:
-    """Return the length of a layer's films, mm, and a point (2,) of the longest."""
+#: Width of a film, mm.
+FILM_MM = 1e-3
+
+
+def find_film(solid: Any, down: Float, layers: int, allowed: float) -> Float | None:
+    """Find walls without thickness, films, in the layers of a solid as it is printed.
+
+    An outline that is opened by the width of a film loses the films, and length. Films parallel to
+    the layers are not found.
+
+    Args:
+        solid: The manifold3d solid.
+        down: Direction (3,) to the bed.
+        layers: Number of layers.
+        allowed: Length of all films in a layer that is allowed, mm.
+
+    Returns:
+        The point (3,) of the films of a layer that is farthest from the rest of the solid, mm, or
+        None if no layer has more than the allowed length.
+    """
+    axes = axes_from_normal(-down)
+    upright = to_plane_frame(solid, axes, np.zeros(3))
+    low, high = upright.bounding_box()[2], upright.bounding_box()[5]
+    for z in low + (np.arange(layers) + 0.5) / layers * (high - low):
+        layer = upright.slice(float(z))
+        opened = _opened(layer)
+        if (_outline_length(layer) - _outline_length(opened)) / 2 > allowed:
+            point: Float = axes @ np.array([*_farthest_point(layer, opened), z])
+            return point
+    return None
+
+
+def _farthest_point(layer: Any, other: Any) -> Float:
+    """Return the corner or middle (2,) of a line of a layer that is farthest from another, mm."""
+    points = np.concatenate([x for a, b in _outlines(layer) for x in (a, (a + b) / 2)])
+    distances = np.full(len(points), np.inf)
+    for starts, ends in _outlines(other):
+        for a, b in zip(starts, ends, strict=True):
+            along = np.clip((points - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0.0, 1.0)
+            offsets = points - a - along[:, None] * (b - a)
+            distances = np.minimum(distances, np.linalg.norm(offsets, axis=1))
+    farthest: Float = points[distances.argmax()]
+    return farthest
+
+
+def _opened(layer: Any) -> Any:
     join = m3.JoinType.Miter
-    opened = layer.offset(-FILM_MM / 2, join, 2.0).offset(FILM_MM / 2, join, 2.0)
-    length = (_outline_length(layer) - _outline_length(opened)) / 2
-    films = (layer - opened.offset(FILM_MM, join, 2.0)).to_polygons()
-    if not films:  # too thin for the difference
-        films = [min(layer.to_polygons(), key=lambda p: m3.CrossSection([p]).area())]
-    longest = max(films, key=lambda p: float(np.ptp(p, axis=0).max()))
-    return length, np.asarray(longest, float).mean(axis=0)
+    return layer.offset(-FILM_MM / 2, join, 2.0).offset(FILM_MM / 2, join, 2.0)
+
+
+def _outlines(layer: Any) -> list[tuple[Float, Float]]:
+    """Return where the lines of each outline of a layer start and end (n, 2), mm."""
+    outlines = [np.asarray(p, float) for p in layer.to_polygons()]
+    return [(p, np.roll(p, -1, axis=0)) for p in outlines]
 
 
 def _outline_length(layer: Any) -> float:
     """Return the length of all outlines of a layer, mm."""
-    outlines = [np.asarray(p, float) for p in layer.to_polygons()]
-    return float(sum(np.linalg.norm(np.roll(o, -1, axis=0) - o, axis=1).sum() for o in outlines))
+    return float(sum(np.linalg.norm(b - a, axis=1).sum() for a, b in _outlines(layer)))
 
 
 def to_plane_frame(solid: Any, axes: Float, origin: Float) -> Any:

@@ -66,7 +66,7 @@ def joint_notes(part_set: PartSet) -> dict[str, Float]:
 #: Largest share of a part that may be thinner than two lines: such places print as gaps. Wedges
 #: between planes that cross at small angles are noted far below that.
 MAX_THIN_SHARE, NOTED_THIN_SHARE = 0.5, 0.05
-#: Length of the films without thickness in a layer; rounding leaves short ones at the tips of
+#: Length of all walls without thickness in a layer; rounding leaves short ones at the tips of
 #: wedges.
 MAX_FILM_MM = 5.0
 LAYERS, CORNER_TOLERANCE_MM = 30, 0.01
@@ -92,19 +92,21 @@ def check_thin_places(
         thin = triangle_kernel.find_thin_places(
             pieces[i], part.down, width, LAYERS, CORNER_TOLERANCE_MM
         )
+        film = triangle_kernel.find_film(pieces[i], part.down, LAYERS, MAX_FILM_MM)
         share, at = thin.share, part.center if thin.point is None else thin.point
-        film_at = thin.film_point if thin.film > MAX_FILM_MM else None
-        if film_at is not None or share > MAX_THIN_SHARE:
+        if film is not None or share > MAX_THIN_SHARE:
             near = {c for cut in part_set.cuts for c in cut.cords if any(i in s for s in cut.sides)}
             cords = [part_set.channels[c].name for c in sorted(near)]
-            planes = f"the planes of {' and '.join(map(repr, cords))}"
-            if film_at is not None:
-                at = film_at
-                fault = f"has walls without thickness near {format_point(at)}, between {planes}"
+            where = "the skin"
+            if cords:
+                where = f"the planes of {' and '.join(map(repr, cords))} and the skin"
+            if film is not None:
+                at = film
+                fault = f"has walls without thickness near {format_point(at)}, between {where}"
             else:
                 fault = (
                     f"is thinner than {width:.1f} mm in {share:.0%} of it, near"
-                    f" {format_point(at)}, between {planes} and the skin"
+                    f" {format_point(at)}, between {where}"
                 )
             raise FabricationError(
                 fault,

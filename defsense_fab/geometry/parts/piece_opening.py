@@ -123,23 +123,16 @@ def _options(
     prisms = None if margin is None else _prisms_around(piece, plane, line, margin, play)
     is_found = False
     for s, side in enumerate((below, above)):
-        region = None if prisms is None else triangle_kernel.solid_of(prisms[s][0])
-        candidates = solids_of(side if region is None else side ^ region)
+        prism, smaller = prisms[s] if prisms else (None, None)
+        region = side if prism is None else side ^ triangle_kernel.solid_of(prism)
+        candidates = solids_of(region)
         touched = [c for c in candidates if runs_in(line, c)]
         others = [c for c in candidates if not runs_in(line, c)]
         if not touched or _is_blocked(touched, others, plane):
             continue
         freed = triangle_kernel.union(touched)
-        outside = (above, below)[s] if region is None else piece - region
-        if others:
-            prism = None if prisms is None else prisms[s][0]
-            inside = solids_of(_inside(piece, plane, s, prism, OVERLAP_MM))
-            kept = [c for c in inside if any((c ^ o).volume() > MIN_PIECE_MM3 for o in others)]
-            if any(runs_in(line, c) for c in kept):
-                continue
-            outside = triangle_kernel.union([outside, *kept])
-        rest = solids_of(outside)
-        lid = freed if prisms is None else freed ^ triangle_kernel.solid_of(prisms[s][1])
+        rest = solids_of(_without(piece, plane, s, prism, freed, others))
+        lid = freed if smaller is None else freed ^ triangle_kernel.solid_of(smaller)
         taken = solids_of(lid)
         if not rest or not taken:
             continue
@@ -156,9 +149,42 @@ def _options(
         yield Halves(*sides, rank=0.0)
 
 
+def _without(
+    piece: Any, plane: Plane, s: int, prism: Prism | None, freed: Any, others: Sequence[Any]
+) -> Any:
+    """Return a piece without what comes off below (`s` = 0) or above (1) a plane.
+
+    The rest is put together from what lies outside of the cut and from the other solids within it,
+    since a difference of two solids that share a curved skin leaves walls without thickness.
+
+    Args:
+        piece: The piece.
+        plane: The plane of the cut.
+        s: The side.
+        prism: The limits of the cut, or None for the whole side.
+        freed: What comes off.
+        others: What else there is within the cut.
+    """
+    if prism is None:
+        normal = (1 - 2 * s) * plane.normal
+        outside = piece.trim_by_plane(normal, float(normal @ plane.origin))
+    else:
+        outside = piece - triangle_kernel.solid_of(prism)
+    if not others:
+        return outside
+    kept = [
+        solid
+        for solid in solids_of(_inside(piece, plane, s, prism, OVERLAP_MM))
+        if any((solid ^ other).volume() > MIN_PIECE_MM3 for other in others)
+    ]
+    if any((solid ^ freed).volume() > MIN_PIECE_MM3 for solid in kept):
+        return piece - freed  # the overlap joins them; the check of the parts finds such walls
+    return triangle_kernel.union([outside, *kept])
+
+
 def _inside(piece: Any, plane: Plane, s: int, prism: Prism | None, growth: float) -> Any:
-    """Return what a cut below (`s` = 0) or above (1) a plane contains of a piece, if the half-space
-    or the prism is larger by `growth` mm.
+    """Return the part of a piece that lies within a cut below (`s` = 0) or above (1) a plane, if
+    the half-space, or the prism that limits the cut, is larger by `growth` mm.
     """
     normal = (2 * s - 1) * plane.normal
     side = piece.trim_by_plane(normal, float(normal @ plane.origin) - growth)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ...store.build import Build
 
 #: Raised when a stage's results change for the same input, so that old results are not reused.
-CODE_VERSION = 59
+CODE_VERSION = 60
 #: The stage that places copies on plates, the only one that depends on `BuildOptions`.
 PLATES = "fabricate"
 

@@ -9,8 +9,9 @@ import pytest
 from defsense_fab.geometry.channels.channel_ends import Pockets
 from defsense_fab.geometry.channels.cord_channels import make_channels
 from defsense_fab.geometry.kernels import triangle_kernel
-from defsense_fab.geometry.kernels.triangle_kernel import find_thin_places
+from defsense_fab.geometry.kernels.triangle_kernel import find_film
 from defsense_fab.geometry.parts.division import cut_orders, plan_division
+from defsense_fab.geometry.parts.piece_opening import PieceOpener, make_thread
 from tests.geometry.parts.cords import cord
 
 ALONG = [[2, 0], [50, 0], [100, 0], [148, 0]]
@@ -73,4 +74,25 @@ def test_parts_end_where_they_are_cut(grip):
     for leaf in planned.leaves:
         assert leaf.volume() > 1000
         assert len(leaf.decompose()) == 1
-        assert find_thin_places(leaf, np.array([0, 0, -1.0]), 1.0, 30, 0.01).film < 2
+        assert find_film(leaf, np.array([0, 0, -1.0]), 30, allowed=2.0) is None
+
+
+@pytest.mark.parametrize("limited", [False, True])
+@pytest.mark.parametrize("height", [0.0, -2.0])
+def test_one_leg_of_two_comes_off(height, limited):
+    """At height 0 the plane is the face between the legs."""
+    legs = m3.Manifold.cube((20.0, 20.0, 20.0)).translate((-30.0, -10.0, -20.0))
+    legs += legs.translate((40.0, 0.0, 0.0))
+    body = legs + m3.Manifold.cube((60.0, 20.0, 10.0)).translate((-30.0, -10.0, 0.0))
+    sensor = cord("A", [0, 0, 1], [-20, 0, height], [0, 1, 0], [[-9, 0], [9, 0]])
+    normal = sensor.plane.normal
+    line = np.array([[-20.0, y, height] for y in np.linspace(-9, 9, 7)])
+    thread = make_thread([line], normal)
+    margin = 45.0 if limited else None
+    halves = PieceOpener([sensor.plane], [[0]], [thread], margin, 0.15).open(body, 0).halves
+    (leg,), (rest,) = halves.below, halves.above
+    assert halves.taken == (leg,)
+    volume = 400 * (20 + height)
+    assert leg.volume() == pytest.approx(volume, rel=0.02 if limited else 1e-9)
+    assert rest.volume() == pytest.approx(body.volume() - volume, rel=1e-9)
+    assert find_film(rest, np.array([0, 0, -1.0]), 30, allowed=0.1) is None
