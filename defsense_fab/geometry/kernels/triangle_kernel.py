@@ -299,36 +299,36 @@ FILM_MM = 1e-3
 def find_film(solid: Any, down: Float, layers: int, allowed: float) -> Float | None:
     """Find walls without thickness, films, in the layers of a solid as it is printed.
 
-    An outline that is opened by the width of a film loses the films, and length. Films parallel to
-    the layers are not found.
+    An outline that is opened by the width of a film loses the films, and length. Films between the
+    layers or parallel to them are not found.
 
     Args:
         solid: The manifold3d solid.
         down: Direction (3,) to the bed.
-        layers: Number of layers.
+        layers: Number of layers, spread over the height.
         allowed: Length of all films in a layer that is allowed, mm.
 
     Returns:
-        The point (3,) of the films of a layer that is farthest from the rest of the solid, mm, or
-        None if no layer has more than the allowed length.
+        The point (3,) of the lowest layer with more than the allowed length that is farthest from
+        the rest of the layer, mm, or None if there is no such layer.
     """
     axes = axes_from_normal(-down)
     upright = to_plane_frame(solid, axes, np.zeros(3))
     low, high = upright.bounding_box()[2], upright.bounding_box()[5]
     for z in low + (np.arange(layers) + 0.5) / layers * (high - low):
         layer = upright.slice(float(z))
-        opened = _opened(layer)
+        opened = _open_outline(layer)
         if (_outline_length(layer) - _outline_length(opened)) / 2 > allowed:
-            point: Float = axes @ np.array([*_farthest_point(layer, opened), z])
+            point: Float = axes @ np.array([*_find_farthest_point(layer, opened), z])
             return point
     return None
 
 
-def _farthest_point(layer: Any, other: Any) -> Float:
+def _find_farthest_point(layer: Any, other: Any) -> Float:
     """Return the corner or middle (2,) of a line of a layer that is farthest from another, mm."""
-    points = np.concatenate([x for a, b in _outlines(layer) for x in (a, (a + b) / 2)])
+    points = np.concatenate([x for a, b in _list_lines(layer) for x in (a, (a + b) / 2)])
     distances = np.full(len(points), np.inf)
-    for starts, ends in _outlines(other):
+    for starts, ends in _list_lines(other):
         for a, b in zip(starts, ends, strict=True):
             along = np.clip((points - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0.0, 1.0)
             offsets = points - a - along[:, None] * (b - a)
@@ -337,12 +337,13 @@ def _farthest_point(layer: Any, other: Any) -> Float:
     return farthest
 
 
-def _opened(layer: Any) -> Any:
+def _open_outline(layer: Any) -> Any:
+    """Return a layer without its films."""
     join = m3.JoinType.Miter
     return layer.offset(-FILM_MM / 2, join, 2.0).offset(FILM_MM / 2, join, 2.0)
 
 
-def _outlines(layer: Any) -> list[tuple[Float, Float]]:
+def _list_lines(layer: Any) -> list[tuple[Float, Float]]:
     """Return where the lines of each outline of a layer start and end (n, 2), mm."""
     outlines = [np.asarray(p, float) for p in layer.to_polygons()]
     return [(p, np.roll(p, -1, axis=0)) for p in outlines]
@@ -350,7 +351,7 @@ def _outlines(layer: Any) -> list[tuple[Float, Float]]:
 
 def _outline_length(layer: Any) -> float:
     """Return the length of all outlines of a layer, mm."""
-    return float(sum(np.linalg.norm(b - a, axis=1).sum() for a, b in _outlines(layer)))
+    return float(sum(np.linalg.norm(b - a, axis=1).sum() for a, b in _list_lines(layer)))
 
 
 def to_plane_frame(solid: Any, axes: Float, origin: Float) -> Any:

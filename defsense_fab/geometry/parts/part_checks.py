@@ -97,16 +97,14 @@ def check_thin_places(
         if film is not None or share > MAX_THIN_SHARE:
             near = {c for cut in part_set.cuts for c in cut.cords if any(i in s for s in cut.sides)}
             cords = [part_set.channels[c].name for c in sorted(near)]
-            where = "the skin"
-            if cords:
-                where = f"the planes of {' and '.join(map(repr, cords))} and the skin"
+            planes = f"the planes of {' and '.join(map(repr, cords))}" if cords else "the cuts"
             if film is not None:
                 at = film
-                fault = f"has walls without thickness near {format_point(at)}, between {where}"
+                fault = f"has walls without thickness near {format_point(at)}, between {planes}"
             else:
                 fault = (
                     f"is thinner than {width:.1f} mm in {share:.0%} of it, near"
-                    f" {format_point(at)}, between {where}"
+                    f" {format_point(at)}, between {planes} and the skin"
                 )
             raise FabricationError(
                 fault,

@@ -16,7 +16,9 @@ from ..kernels.cutting_tools import MIN_PIECE_MM3, Prism
 
 THREAD_DIAMETER_MM = 0.05  # diameter of the tube that represents a cord
 MAX_COVER_MM2 = 0.1  # by which parts may cover each other and still come apart
-OVERLAP_MM = 0.01  # of solids that are joined, as faces that only touch can stay separate
+#: Overlaps of solids that are joined, as faces that only touch can stay separate. The largest is
+#: used that does not join solids on both sides of the cut.
+OVERLAPS_MM = (1e-2, 1e-3, 1e-4)
 
 
 def make_thread(lines: Sequence[Float], normal: Float) -> Any:
@@ -131,7 +133,10 @@ def _options(
         if not touched or _is_blocked(touched, others, plane):
             continue
         freed = triangle_kernel.union(touched)
-        rest = solids_of(_without(piece, plane, s, prism, freed, others))
+        remaining = _remove(piece, plane, s, prism, freed, others)
+        if remaining is None:
+            continue
+        rest = solids_of(remaining)
         lid = freed if smaller is None else freed ^ triangle_kernel.solid_of(smaller)
         taken = solids_of(lid)
         if not rest or not taken:
@@ -149,21 +154,24 @@ def _options(
         yield Halves(*sides, rank=0.0)
 
 
-def _without(
+def _remove(
     piece: Any, plane: Plane, s: int, prism: Prism | None, freed: Any, others: Sequence[Any]
-) -> Any:
-    """Return a piece without what comes off below (`s` = 0) or above (1) a plane.
+) -> Any | None:
+    """Return the rest of a piece when solids come off below (`s` = 0) or above (1) a plane.
 
-    The rest is put together from what lies outside of the cut and from the other solids within it,
-    since a difference of two solids that share a curved skin leaves walls without thickness.
+    The rest is put together from the outside of the cut and from the other solids within it, since
+    a difference of solids that share a curved skin leaves walls without thickness.
 
     Args:
         piece: The piece.
         plane: The plane of the cut.
-        s: The side.
+        s: The side of the plane.
         prism: The limits of the cut, or None for the whole side.
-        freed: What comes off.
-        others: What else there is within the cut.
+        freed: The solids that come off.
+        others: The other solids within the cut.
+
+    Returns:
+        The rest, or None if the other solids cannot be told apart from those that come off.
     """
     if prism is None:
         normal = (1 - 2 * s) * plane.normal
@@ -172,14 +180,16 @@ def _without(
         outside = piece - triangle_kernel.solid_of(prism)
     if not others:
         return outside
-    kept = [
-        solid
-        for solid in solids_of(_inside(piece, plane, s, prism, OVERLAP_MM))
-        if any((solid ^ other).volume() > MIN_PIECE_MM3 for other in others)
-    ]
-    if any((solid ^ freed).volume() > MIN_PIECE_MM3 for solid in kept):
-        return piece - freed  # the overlap joins them; the check of the parts finds such walls
-    return triangle_kernel.union([outside, *kept])
+    for overlap in OVERLAPS_MM:
+        kept = [
+            solid
+            for solid in solids_of(_inside(piece, plane, s, prism, overlap))
+            if any((solid ^ other).volume() > MIN_PIECE_MM3 for other in others)
+        ]
+        if all((solid ^ freed).volume() < MIN_PIECE_MM3 for solid in kept):
+            return triangle_kernel.union([outside, *kept])
+    # A shoulder of the body lies in the plane, which then is all that the solids share.
+    return triangle_kernel.union([outside, *others]) if prism is None else None
 
 
 def _inside(piece: Any, plane: Plane, s: int, prism: Prism | None, growth: float) -> Any:

@@ -77,22 +77,31 @@ def test_parts_end_where_they_are_cut(grip):
         assert find_film(leaf, np.array([0, 0, -1.0]), 30, allowed=2.0) is None
 
 
-@pytest.mark.parametrize("limited", [False, True])
-@pytest.mark.parametrize("height", [0.0, -2.0])
-def test_one_leg_of_two_comes_off(height, limited):
-    """At height 0 the plane is the face between the legs."""
-    legs = m3.Manifold.cube((20.0, 20.0, 20.0)).translate((-30.0, -10.0, -20.0))
-    legs += legs.translate((40.0, 0.0, 0.0))
-    body = legs + m3.Manifold.cube((60.0, 20.0, 10.0)).translate((-30.0, -10.0, 0.0))
-    sensor = cord("A", [0, 0, 1], [-20, 0, height], [0, 1, 0], [[-9, 0], [9, 0]])
-    normal = sensor.plane.normal
-    line = np.array([[-20.0, y, height] for y in np.linspace(-9, 9, 7)])
-    thread = make_thread([line], normal)
-    margin = 45.0 if limited else None
+@pytest.mark.parametrize(
+    ("height", "tilt", "margin"),
+    [
+        (-2.0, (0.3, 0.7, 13.7), None),
+        (-2.0, (0.3, 0.7, 13.7), 45.0),
+        (-2.0, (0.3, 0.7, 13.7), 40.0),  # to the middle of the other leg
+        (-0.005, (0.0, 0.0, 13.7), None),
+        (-0.005, (0.0, 0.0, 13.7), 45.0),
+        (0.0, (0.0, 0.0, 0.0), None),
+    ],
+)
+def test_one_leg_of_two_comes_off(height, tilt, margin):
+    """A bar at z = 0 on two round legs; the plane of the cord is horizontal."""
+    leg = m3.Manifold.cylinder(20.0, 9.0, 9.7, 64).translate((-20.0, 0.0, -20.0))
+    bar = m3.Manifold.cube((60.0, 20.0, 10.0)).translate((-30.0, -10.0, 0.0))
+    body = (leg + leg.translate((40.0, 0.0, 0.0)) + bar).rotate(tilt)
+    middle = leg.rotate(tilt).bounding_box()
+    x, y = (middle[0] + middle[3]) / 2, (middle[1] + middle[4]) / 2
+    sensor = cord("A", [0, 0, 1], [x, y, height], [0, 1, 0], [[-6, 0], [6, 0]])
+    line = np.array([[x, y + dy, height] for dy in np.linspace(-6, 6, 7)])
+    thread = make_thread([line], sensor.plane.normal)
     halves = PieceOpener([sensor.plane], [[0]], [thread], margin, 0.15).open(body, 0).halves
-    (leg,), (rest,) = halves.below, halves.above
-    assert halves.taken == (leg,)
-    volume = 400 * (20 + height)
-    assert leg.volume() == pytest.approx(volume, rel=0.02 if limited else 1e-9)
-    assert rest.volume() == pytest.approx(body.volume() - volume, rel=1e-9)
-    assert find_film(rest, np.array([0, 0, -1.0]), 30, allowed=0.1) is None
+    (taken,), (rest,) = halves.below, halves.above
+    assert halves.taken == (taken,)
+    expected = body.trim_by_plane((0.0, 0.0, -1.0), -height).decompose()[0].volume()
+    assert taken.volume() == pytest.approx(expected, rel=1e-3)
+    assert rest.volume() == pytest.approx(body.volume() - taken.volume(), abs=0.5)
+    assert find_film(rest, np.array([0, 0, -1.0]), 30, allowed=0.5) is None

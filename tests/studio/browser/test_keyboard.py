@@ -141,31 +141,46 @@ def test_the_focus_is_not_lost(page):
     expect(states.locator(":focus")).to_have_count(1)
 
 
-#: What takes the focus from an element, in the terms of the document.
-LOSSES = (
-    "element.hidden = true",
-    "element.style.visibility = 'hidden'",
-    "element.disabled = true",
-    "element.inert = true",
-    "element.remove()",
+@pytest.mark.parametrize(
+    "loss",
+    [
+        "element.hidden = true",
+        "element.style.visibility = 'hidden'",
+        "element.disabled = true",
+        "element.inert = true",
+        "element.remove()",
+    ],
 )
-
-
-@pytest.mark.parametrize("loss", LOSSES)
-def test_the_focus_stays_in_the_region_of_what_is_lost(page, loss):
+def test_a_lost_focus_stays_in_its_region(page, loss):
     enter(page, "Inside")
+    page.get_by_role("button", name="Move the plane along its normal").wait_for()
     scene, panel = page.get_by_role("main"), inspector(page, "Inside")
-    for region, name in (
-        (scene, "Turn the plane over"),
-        (scene, "Move the plane along its normal"),
-        (panel, "Surface to surface"),
+    for region, role, name in (
+        (scene, "button", "Turn the plane over"),
+        (scene, "button", "Move the plane along its normal"),
+        (panel, "radio", "Surface to surface"),
     ):
-        element = region.get_by_role("radio" if name[0] == "S" else "button", name=name)
+        element = region.get_by_role(role, name=name)
         element.focus()
         element.evaluate(f"element => {{ {loss} }}")
         page.wait_for_timeout(RESTORED_MS)
-        expect(region.locator(":focus")).to_have_count(1)
-        expect(region.locator(":focus")).not_to_have_accessible_name(name)
+        focused = region.locator(":focus")
+        expect(focused).to_have_count(1)
+        expect(focused).not_to_have_accessible_name(name)
+
+
+def test_a_lost_focus_stays_in_its_dialog(page):
+    menu = page.get_by_role("button", name="Menu")
+    menu.press("Enter")
+    page.get_by_role("menuitem", name="Keyboard shortcuts").click()
+    dialog = page.get_by_role("dialog", name="Keyboard shortcuts")
+    close = dialog.get_by_role("button").first
+    close.focus()
+    close.evaluate("element => element.remove()")
+    page.wait_for_timeout(RESTORED_MS)
+    expect(dialog.locator(":focus")).to_have_count(1)
+    page.keyboard.press("Escape")
+    expect(menu).to_be_focused()
 
 
 def test_refused_names_stay_and_escape_restores_them(page, folder):

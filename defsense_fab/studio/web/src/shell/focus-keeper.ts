@@ -1,4 +1,4 @@
-// Keeps the focus in the page: if its element disappears or is disabled, a sensible one gets it.
+// Keeps the focus in the page: if its element disappears or is disabled, a nearby one gets it.
 import { effect } from "@preact/signals";
 import { step } from "../state/step";
 import { focusableIn, focusHeading, focusScene, isUsable } from "./regions";
@@ -17,15 +17,15 @@ interface Place {
   isInScene: boolean;
 }
 
-/** The place of the focus; null after it was left on purpose. */
-let current: { element: HTMLElement; isInLayer: boolean } | null = null;
+/** The place of the focus, and the layer that contains it; null after it was left on purpose. */
+let current: { element: HTMLElement; layer: HTMLElement | null } | null = null;
 /** The last place that is not in a layer over the page. */
 let place: Place | null = null;
 
 function remember(element: HTMLElement): void {
-  const isInLayer = element.closest(LAYERS) !== null;
-  current = { element, isInLayer };
-  if (isInLayer) return;
+  const layer = element.closest<HTMLElement>(LAYERS);
+  current = { element, layer };
+  if (layer) return;
   const trail: Place["trail"] = [];
   for (let child: Element = element; child.parentElement; child = child.parentElement) {
     trail.push({ parent: child.parentElement, index: [...child.parentElement.children].indexOf(child) });
@@ -47,6 +47,13 @@ function restore(): void {
   focusHeading();
 }
 
+/** Focus the first control of an open layer; return whether there is one. */
+function focusLayer(layer: HTMLElement | null): boolean {
+  const first = layer && isUsable(layer) ? focusableIn(layer)[0] : undefined;
+  first?.focus();
+  return first !== undefined;
+}
+
 /** Focus the first control at or after an index among the children, or else the last before it. */
 function focusNear(parent: Element, index: number): boolean {
   const children = [...parent.children];
@@ -59,7 +66,7 @@ function focusNear(parent: Element, index: number): boolean {
 function check(): void {
   if (!current || (document.activeElement && document.activeElement !== document.body)) return;
   if (isUsable(current.element)) current = null;
-  else restore();
+  else if (!focusLayer(current.layer)) restore();
 }
 
 /** Watch the focus until the returned function is called. */
