@@ -201,7 +201,7 @@ def simulate_only(device: Device, build: Build) -> TrainedModel:
     prior = simulated_prior(device, channels, markers, build)
     ids = np.arange(len(markers))
     model = fit_simulated_model(device.name, layout_hash(layout), channels, ids, markers, prior)
-    metadata = {**_origin(), "trained_on": f"{len(prior.names)} simulated states, no picture"}
+    metadata = {**_origin(), "trained_on": f"{len(prior.names)} simulated states"}
     return replace(model, metadata=metadata)
 
 

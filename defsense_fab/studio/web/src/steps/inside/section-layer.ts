@@ -1,6 +1,6 @@
 // A section in the scene: the cut body, its colors, the handle of the plane, and the probe.
 import { effect } from "@preact/signals";
-import { type Color, FrontSide, Group, Mesh } from "three";
+import { Box3, type Color, FrontSide, Group, Mesh } from "three";
 import { PlaneHandle } from "../../scene/plane-handle";
 import { Readout } from "../../scene/readout";
 import { tubeMaterial } from "../../scene/shading";
@@ -41,6 +41,8 @@ export class SectionLayer {
   private readonly mesh = new SectionMesh(this.uniforms);
   private readonly body = new CutBody(this.uniforms);
   private readonly cords = new CutCords();
+  /** The body in all states that were shown, mm. */
+  private readonly bounds = new Box3();
   private readonly direction = line("#14181f");
   private readonly candidate = line(CANDIDATE_COLOR);
   private readonly readout: Readout;
@@ -86,6 +88,7 @@ export class SectionLayer {
       isBodyShown.value = areCordsShown.value = true;
       this.viewer.picker.isEnabled = true;
       this.viewer.setShadowVisible(true);
+      if (!this.viewer.body.isEmpty) this.viewer.rig.setBounds(this.viewer.body.box);
       this.viewer.rig.leave();
     }
     for (const part of [this.mesh, this.body, this.cords, this.direction, this.candidate]) {
@@ -111,7 +114,10 @@ export class SectionLayer {
     const { view, tool } = this;
     return [
       effect(() => {
-        if (view.shape.value && this.options.hasBody) this.hideBody();
+        if (view.shape.value && this.options.hasBody) {
+          this.hideBody();
+          this.keepInView(view.shape.value.vertices);
+        }
         this.body.setShape(view.shape.value);
         this.viewer.invalidate();
       }),
@@ -141,6 +147,12 @@ export class SectionLayer {
     isBodyShown.value = areCordsShown.value = false;
     viewer.picker.isEnabled = false;
     viewer.setShadowVisible(false);
+  }
+
+  private keepInView(vertices: Float32Array): void {
+    const { rig } = this.viewer;
+    rig.setBounds(this.bounds.union(new Box3().setFromArray(vertices)));
+    rig.keepInView();
   }
 
   private setPlane(plane: Frame | null): void {

@@ -207,7 +207,7 @@ function Forces({ pose }: { pose: string }) {
       {!states?.isCurrent && <span class="muted"> in the last simulation</span>}
       {forces.warning && (
         <span class="problem-text" {...tooltip(forces.warning)}>
-          {forces.effort === "beyond" ? ", more than one hand can do" : ", with a whole hand"}
+          {forces.effort === "beyond" ? "More than one hand can do" : "Needs a whole hand"}
         </span>
       )}
     </p>

@@ -39,7 +39,7 @@ export function Axes({ frame, x, y, xTitle, yTitle }: AxesProps) {
         </text>
       ))}
       <line class="base" x1={left} x2={width - right} y1={height - bottom} y2={height - bottom} />
-      <text x={(left + width - right) / 2} y={height - 3} class="middle title">
+      <text x={width / 2} y={height - 3} class="middle title">
         {xTitle}
       </text>
       <text x={2} y={top - 8} class="title">
