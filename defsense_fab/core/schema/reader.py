@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any, TypeVar
@@ -15,6 +16,7 @@ from .declare import Problem, missing, unknown_choice
 from .fields import Field
 from .key_lines import KeyPath
 from .types import (
+    MAX_NUMBER,
     bounds_in_words,
     choices_of,
     exact,
@@ -208,7 +210,9 @@ class Reader:
         if not _is_numeric(value):
             return self._refuse_type(at, whole, value)
         if not is_number(value):
-            return self._refuse(at, f"must be finite, not {_shown(value)}", "not-finite")
+            limits = f"between {-MAX_NUMBER:g} and {MAX_NUMBER:g}"
+            limits = limits if abs(value) < math.inf else "finite"
+            return self._refuse(at, f"must be {limits}, not {_shown(value)}", "not-finite")
         if is_whole and value != int(value):
             return self._refuse_type(at, whole, value)
         if not is_within(of, value):

@@ -225,6 +225,42 @@ def test_refused_names_stay_and_escape_restores_them(page, folder):
     expect(page.get_by_role("textbox", name="New name of twist")).to_be_focused()
 
 
+def test_undo_beyond_the_first_change_leaves_typed_texts(page, folder):
+    """The browser's own undo would change the field that was typed last, and focus it."""
+    enter(page, "Body")
+    before = load_device(folder)
+    field = page.get_by_role("textbox", name="Device name")
+    field.focus()
+    page.keyboard.press("Control+a")
+    page.keyboard.type("other")
+    page.keyboard.press("Enter")
+    assert until(lambda: load_device(folder).name == "other")
+    scene = page.get_by_role("application")
+    scene.focus()
+    page.keyboard.press("Control+z")
+    expect(field).to_have_value(before.name)
+    for key in ("Control+z", "Control+z", "Control+Shift+z", "Control+Shift+z"):
+        page.keyboard.press(key)
+        expect(scene).to_be_focused()
+    assert until(lambda: load_device(folder).name == "other")
+    expect(field).to_have_value("other")
+
+
+def test_errors_of_the_file_are_not_those_of_the_edited_field(page, folder):
+    enter(page, "Body")
+    path = folder / "device.toml"
+    valid = path.read_text()
+    path.write_text(re.sub("edge_length = .*", "edge_length = -5", valid))
+    banner = page.get_by_role("alert").filter(has_text="edge_length").first
+    banner.wait_for()
+    searches = page.get_by_label("Largest number of searches", exact=True)
+    searches.fill("7")
+    searches.press("Enter")
+    expect(searches).to_have_accessible_description(re.compile("[Ee]dge.length.* -5"))
+    path.write_text(valid)
+    expect(banner).to_have_count(0)
+
+
 def test_arrow_keys_move_a_point_as_the_screen_shows_it(page):
     enter(page, "Sensors")
     page.get_by_role("treeitem", name="A", exact=True).press("Enter")

@@ -131,13 +131,14 @@ function onKeyDown(event: KeyboardEvent): void {
       (!command.step || command.step === step.peek()) &&
       (!isTaken || command.worksInFields) &&
       (!command.isRemoving || canRemove(target)) &&
-      [command.shortcut, command.otherShortcut].some((key) => key && matches(event, key)) &&
-      isAvailable(command),
+      [command.shortcut, command.otherShortcut].some((key) => key && matches(event, key)),
   );
-  const found = matching.find((command) => command.step) ?? matching[0];
-  if (!found) return;
-  event.preventDefault();
-  found.run();
+  const available = matching.filter(isAvailable);
+  const found = available.find((command) => command.step) ?? available[0];
+  // The browser's own undo and redo would change a text that was typed earlier, and focus it.
+  const hasOwnAction = matching.length > 0 && (event.ctrlKey || event.metaKey);
+  if (found || hasOwnAction) event.preventDefault();
+  found?.run();
 }
 
 /** Run commands by their keys, except while somebody types. */

@@ -45,7 +45,8 @@ export function useField(label: string, key: string | undefined, help?: string):
     if (request) {
       await attempt(request, (refused) => {
         isAccepted = false;
-        setError(describe(refused, label, text));
+        const isOfOtherField = key && refused.field && refused.field !== key;
+        setError(isOfOtherField ? refused.text : describe(refused, label, text));
       });
     }
     return isAccepted;
