@@ -171,7 +171,7 @@ def _remove(
         others: The other solids within the cut.
 
     Returns:
-        The rest, or None if the other solids cannot be told apart from those that come off.
+        The rest, or None if the other solids cannot be separated from those that come off.
     """
     if prism is None:
         normal = (1 - 2 * s) * plane.normal

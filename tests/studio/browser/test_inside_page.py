@@ -95,8 +95,10 @@ def test_the_best_cord_of_the_plane_is_added(page, folder):
     toggle = page.get_by_role("button", name="Where a cord would help")
     toggle.click()
     expect(toggle).to_have_attribute("aria-pressed", "true")
-    page.get_by_text("Short", exact=True).click()
     add = page.get_by_role("button", name="Add the best")
+    expect(add).not_to_have_attribute("aria-disabled", "true")
+    page.get_by_text("Short", exact=True).click()
+    expect(add).to_have_attribute("aria-disabled", "true")  # until the new search has a result
     expect(add).not_to_have_attribute("aria-disabled", "true")
     add.click()
     expect(page.get_by_text(re.compile("^Added [A-Z]"))).to_be_visible()

@@ -47,8 +47,9 @@ export function NextCordActions({ tool, view }: Props) {
   const noun = device.value?.noun ?? "cord";
   if (!tool.isOn.value) return null;
   const picked = view.picked.value;
-  const fits = picked !== null && tool.map.value !== null && tool.dropAt(picked.rest) !== null;
-  const hasBest = Boolean(tool.map.value && search.value?.ends.length);
+  const isKnown = !tool.isDue.value;
+  const fits = isKnown && picked !== null && tool.map.value !== null && tool.dropAt(picked.rest) !== null;
+  const hasBest = Boolean(isKnown && tool.map.value && search.value?.ends.length);
   return (
     <>
       <Button

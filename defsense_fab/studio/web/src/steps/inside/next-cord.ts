@@ -31,6 +31,8 @@ export class NextCordTool {
   readonly length = signal<number | null>(null);
   readonly map = signal<CordMap | null>(null);
   readonly isAdding = signal(false);
+  /** Whether a search is about to start, so that an earlier one no longer counts. */
+  readonly isDue = signal(false);
   /** Ends (2, 3) of the cord under the pointer, else of the best one; mm at rest. */
   readonly candidate = computed<number[][] | null>(() => {
     if (!this.isOn.value || !this.map.value) return null;
@@ -50,8 +52,9 @@ export class NextCordTool {
     const stops = [
       effect(() => this.follow()),
       connection.onArrays("next-cord", (message) => this.show(message)),
-      connection.listen("next-cord-state", ({ state, problem }) => {
-        if (state === "none" || state === "outdated" || state === "failed") this.map.value = null;
+      connection.listen("next-cord-state", ({ state, hasMap, problem }) => {
+        const isNew = state === "searching" && !hasMap;
+        if (isNew || ["none", "outdated", "failed"].includes(state)) this.map.value = null;
         if (problem && this.isOn.peek()) showProblem(problem);
       }),
     ];
@@ -116,13 +119,22 @@ export class NextCordTool {
     const cords = device.value?.cords;
     const isReady = inside.value?.isReady ?? false;
     if (!this.isOn.value || !plane || !isReady || !cords) return;
-    untracked(() => (this.map.value = null));
-    this.timer = window.setTimeout(() => {
+    untracked(() => {
+      this.map.value = null;
+      this.isDue.value = true;
+    });
+    const timer = window.setTimeout(() => {
       const { origin, axes } = plane;
-      connection.send("search-next-cord", { origin, axes, length }).catch(() => {
-        // A plane that misses the body is reported by its section.
-      });
+      connection
+        .send("search-next-cord", { origin, axes, length })
+        .catch(() => {
+          // A plane that misses the body is reported by its section.
+        })
+        .finally(() => {
+          if (timer === this.timer) this.isDue.value = false;
+        });
     }, START_MS);
+    this.timer = timer;
   }
 
   private show({ arrays, facts }: ArrayMessage): void {
