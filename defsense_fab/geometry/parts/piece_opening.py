@@ -188,13 +188,14 @@ def _remove(
         ]
         if all((solid ^ freed).volume() < MIN_PIECE_MM3 for solid in kept):
             return triangle_kernel.union([outside, *kept])
-    # A shoulder of the body lies in the plane, which then is all that the solids share.
+    # A shoulder of the body lies in the plane. The solids share only this plane and no skin.
     return triangle_kernel.union([outside, *others]) if prism is None else None
 
 
 def _inside(piece: Any, plane: Plane, s: int, prism: Prism | None, growth: float) -> Any:
-    """Return the part of a piece that lies within a cut below (`s` = 0) or above (1) a plane, if
-    the half-space, or the prism that limits the cut, is larger by `growth` mm.
+    """Cut a piece below (`s` = 0) or above (1) a plane, and return the solid within the cut.
+
+    The cut is the half-space, or the prism that limits it; both are enlarged by `growth` mm.
     """
     normal = (2 * s - 1) * plane.normal
     side = piece.trim_by_plane(normal, float(normal @ plane.origin) - growth)
