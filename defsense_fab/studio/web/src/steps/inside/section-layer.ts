@@ -118,6 +118,7 @@ export class SectionLayer {
           this.hideBody();
           this.keepInView(view.shape.value.vertices);
         }
+        if (!view.shape.value) this.bounds.makeEmpty(); // another body follows
         this.body.setShape(view.shape.value);
         this.viewer.invalidate();
       }),
