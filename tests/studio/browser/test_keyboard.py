@@ -246,7 +246,7 @@ def test_undo_beyond_the_first_change_leaves_typed_texts(page, folder):
     expect(field).to_have_value("other")
 
 
-def test_errors_of_the_file_are_not_those_of_the_edited_field(page, folder):
+def test_errors_of_the_file_are_named_and_end_with_its_correction(page, folder):
     enter(page, "Body")
     path = folder / "device.toml"
     valid = path.read_text()
@@ -254,11 +254,17 @@ def test_errors_of_the_file_are_not_those_of_the_edited_field(page, folder):
     banner = page.get_by_role("alert").filter(has_text="edge_length").first
     banner.wait_for()
     searches = page.get_by_label("Largest number of searches", exact=True)
+    shown = searches.input_value()
     searches.fill("7")
     searches.press("Enter")
     expect(searches).to_have_accessible_description(re.compile("[Ee]dge.length.* -5"))
     path.write_text(valid)
     expect(banner).to_have_count(0)
+    expect(page.locator("[aria-invalid]")).to_have_count(0)
+    expect(searches).to_have_value(shown)
+    searches.fill("7")
+    searches.press("Enter")
+    assert until(lambda: load_device(folder).searches == 7)
 
 
 def test_arrow_keys_move_a_point_as_the_screen_shows_it(page):

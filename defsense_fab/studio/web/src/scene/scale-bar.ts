@@ -2,6 +2,8 @@
 import type { Viewer } from "./viewer";
 
 const LARGEST_PX = 120;
+/** Largest share of the view's width. */
+const LARGEST_SHARE = 0.25;
 
 export class ScaleBar {
   private readonly element = document.createElement("div");
@@ -16,7 +18,8 @@ export class ScaleBar {
     this.element.append(this.text, this.bar);
     viewer.overlay.append(this.element);
     this.stopListening = viewer.onFrame(() => {
-      this.show(viewer.rig.mmPerPixel(viewer.rig.controls.target));
+      const largest = Math.min(LARGEST_PX, LARGEST_SHARE * viewer.width);
+      this.show(viewer.rig.mmPerPixel(viewer.rig.controls.target), largest);
     });
   }
 
@@ -29,8 +32,8 @@ export class ScaleBar {
     this.element.remove();
   }
 
-  private show(mmPerPixel: number): void {
-    const length = roundLength(LARGEST_PX * mmPerPixel);
+  private show(mmPerPixel: number, largestPx: number): void {
+    const length = roundLength(largestPx * mmPerPixel);
     const width = Math.round(length / mmPerPixel);
     const label = `${Number(length.toPrecision(1))} mm`;
     if (this.shown === `${label} ${width}`) return;

@@ -1,5 +1,5 @@
 // The connection of this page, and the events that most components read.
-import { computed } from "@preact/signals";
+import { computed, signal } from "@preact/signals";
 import { Connection } from "../protocol/connection";
 import type { Violation } from "../protocol/messages";
 import { nameFields, readProblems } from "./page-words";
@@ -19,6 +19,16 @@ export const prediction = connection.event("prediction");
 export const job = connection.event("job");
 export const bodyFit = connection.event("body-fit");
 export const question = connection.event("question");
+
+/** How often the file of the device was valid again after an error in it. */
+export const corrections = signal(0);
+
+let hasFileError = false;
+connection.listen("page", (event) => {
+  const hadFileError = hasFileError;
+  hasFileError = event.screen === "device" && event.problem !== null;
+  if (hadFileError && !hasFileError) corrections.value++;
+});
 
 /** Whether a job runs or is paused, and no other one can start. */
 export const isJobActive = computed(

@@ -1,8 +1,9 @@
 // The common parts of all fields: label, help, error, and a commit that may be refused.
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren, JSX } from "preact";
-import { useId } from "preact/hooks";
+import { useId, useLayoutEffect } from "preact/hooks";
 import type { Problem } from "../protocol/messages";
+import { corrections } from "../state/connection";
 import { attempt, useFieldProblem } from "../state/run";
 import { Icon } from "./icons";
 
@@ -39,6 +40,7 @@ export function useField(label: string, key: string | undefined, help?: string):
     own.value = text;
     problem.value = null;
   };
+  useLayoutEffect(() => setError(""), [corrections.value]);
   const send = async (request: Promise<unknown> | void, text = "") => {
     setError("");
     let isAccepted = true;

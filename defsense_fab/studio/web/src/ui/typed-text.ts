@@ -1,6 +1,7 @@
 // A text that is typed until it is committed; a refused one stays, so that it can be corrected.
 import { type Signal, useSignal } from "@preact/signals";
 import { useLayoutEffect } from "preact/hooks";
+import { corrections } from "../state/connection";
 
 interface TypedText {
   /** The text, or null while the field shows its value. */
@@ -13,7 +14,7 @@ interface TypedText {
   restore: () => boolean;
 }
 
-/** The typed text of a field; a new value replaces it. */
+/** The typed text of a field; a new value replaces it, and a corrected file a refused one. */
 export function useTypedText(value: unknown, onValue: () => void): TypedText {
   const typed = useSignal<string | null>(null);
   const refused = useSignal<string | null>(null);
@@ -21,6 +22,11 @@ export function useTypedText(value: unknown, onValue: () => void): TypedText {
     typed.value = null;
     onValue();
   }, [value]);
+  useLayoutEffect(() => {
+    if (refused.peek() === null) return;
+    typed.value = refused.value = null;
+    onValue();
+  }, [corrections.value]);
   return {
     typed,
     take: () => {

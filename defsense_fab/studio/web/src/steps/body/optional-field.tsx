@@ -25,7 +25,7 @@ interface OptionalFieldProps {
 export function OptionalField(props: OptionalFieldProps) {
   const { label, field, unit, isText, value, placeholder, range, onCommit, onReset } = props;
   const state = useField(label, field);
-  const { typed, take, refuse, restore } = useTypedText(value, () => undefined);
+  const { typed, take, refuse, restore } = useTypedText(value, () => state.setError(""));
   const sent = useSignal<string | null>(null);
   const current = value === null ? "" : typeof value === "number" ? formatNumber(value) : value;
 
